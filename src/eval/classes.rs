@@ -1,5 +1,5 @@
-//! The table of class codes: what they are called, which are ground, which are noise. Not: whose class is
-//! what.
+//! The table of class codes: their names, and which of them are ground or noise. Which point has which class
+//! is not known here.
 
 use std::collections::BTreeMap;
 
@@ -68,7 +68,7 @@ impl ClassTable {
         Self { names: BTreeMap::from([(0, "object".to_owned())]), ground: Vec::new(), noise: Vec::new() }
     }
 
-    /// What the class is called; `class N` for a code without a name.
+    /// Name of the class; `class N` for a code without a name.
     #[must_use]
     pub fn name(&self, code: u16) -> String {
         self.names.get(&code).cloned().unwrap_or_else(|| format!("class {code}"))

@@ -1,4 +1,4 @@
-//! What can go wrong while a prediction is compared with a reference.
+//! Errors while a prediction is compared with a reference.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -49,7 +49,7 @@ fn site(site: &Option<Box<PointSite>>) -> String {
     site.as_ref().map_or_else(|| "the end".to_owned(), ToString::to_string)
 }
 
-/// The labels cannot be compared; names the file, the dimension or the point, and both numbers.
+/// The labels cannot be compared. The text names the file, the dimension or the point, and both numbers.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EvalError {
@@ -98,9 +98,9 @@ pub enum EvalError {
     PointCounts {
         /// Points of the prediction and of the reference.
         counts: [u64; 2],
-        /// The first point of the prediction that differs; none when it has ended there.
+        /// The first point of the prediction that differs; `None` if the prediction ends there.
         prediction: Option<Box<PointSite>>,
-        /// The first point of the reference that differs; none when it has ended there.
+        /// The first point of the reference that differs; `None` if the reference ends there.
         reference: Option<Box<PointSite>>,
     },
     /// Points without a counterpart on the other side.
@@ -109,7 +109,7 @@ pub enum EvalError {
          of the reference"
     )]
     Unmatched {
-        /// Points of the prediction without a counterpart; the reference has as many.
+        /// Number of points of the prediction without a counterpart. The reference has the same number.
         unmatched: u64,
         /// Points of each side.
         points: u64,

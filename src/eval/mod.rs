@@ -1,5 +1,5 @@
-//! Scores a segmentation against reference labels: every metric of the literature we compare with, and the
-//! objects behind each figure.
+//! Scores a segmentation against reference labels: every metric of the literature that we compare with, and
+//! the objects behind each figure.
 //!
 //! The flow: [`matching`] pairs the labels of points -> sparse contingency [`table`] -> [`metrics`]: objects,
 //! segments and their overlaps, one module per metric, figures per class and overall -> [`report`]. If a

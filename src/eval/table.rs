@@ -1,4 +1,4 @@
-//! The sparse contingency table: how many points every combination of labels has. Not: what that means.
+//! The sparse contingency table: the number of points of every combination of labels.
 //!
 //! It grows with objects and segments, not with points. While points are counted, most of it is on disk
 //! (`parts.rs`). Counts and sums are integers, so that neither the order of counting nor the number of
@@ -31,7 +31,7 @@ pub struct Cell {
     pub segment: i64,
     /// Reference class.
     pub class: u16,
-    /// What the prediction says of the point besides its segment.
+    /// What the prediction says about the point besides its segment.
     pub predicted: Predicted,
     /// Class that the prediction gives the object of the point; 0 is none.
     pub named: u16,
@@ -54,7 +54,7 @@ impl Place {
         Self { points: 1, sum: at.map(i128::from) }
     }
 
-    /// Mean position in lattice units; the origin where there is no point.
+    /// Mean position in lattice units; the origin if there is no point.
     #[must_use]
     pub fn centroid(&self) -> [f64; 3] {
         self.sum.map(|sum| if self.points == 0 { 0.0 } else { sum as f64 / self.points as f64 })
@@ -71,8 +71,8 @@ impl AddAssign for Place {
     }
 }
 
-/// Sums per key. Scans run along surfaces, so a point mostly has the key of the point before. A run of equal
-/// keys is summed outside the map.
+/// Sums per key. Scans run along surfaces, so a point mostly has the same key as the previous point. A run of
+/// equal keys is summed outside the map.
 #[derive(Debug)]
 pub struct Tally<K, V> {
     sums: FxHashMap<K, V>,
@@ -147,7 +147,7 @@ impl Counter {
         self.add_segment(cell.segment, at);
     }
 
-    /// Notes the position of a point of a reference object (0: of none).
+    /// Notes the position of a point of a reference object (0: no object).
     #[inline]
     pub fn add_object(&mut self, object: i64, at: [i64; 3]) {
         if object > 0 {
@@ -155,7 +155,7 @@ impl Counter {
         }
     }
 
-    /// Notes the position of a point of a predicted segment (0: of none).
+    /// Notes the position of a point of a predicted segment (0: no segment).
     #[inline]
     pub fn add_segment(&mut self, segment: i64, at: [i64; 3]) {
         if segment > 0 {

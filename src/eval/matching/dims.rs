@@ -1,5 +1,5 @@
-//! Reading a label from a point record, whatever dimension and type it is stored in. Not: what the label
-//! means.
+//! Reads a label from a point record, whatever dimension and type it is stored in. The meaning of the label
+//! is not known here.
 
 use std::path::Path;
 
@@ -58,7 +58,7 @@ pub(super) struct LabelField {
     name: String,
     storage: Storage,
     offset: usize,
-    /// Scale and offset of the descriptor, where it has one of them.
+    /// Scale and offset of the descriptor, if it has either.
     scaling: Option<(f64, f64)>,
 }
 
@@ -182,7 +182,8 @@ impl LabelField {
     fn whole(&self, value: Value, expected: &'static str) -> Result<i64, WrongLabel> {
         /// An f64 cannot represent every whole number beyond this one.
         const LARGEST: f64 = 9_007_199_254_740_992.0;
-        /// A scale like 0.1 changes whole numbers by rounding only.
+        /// Largest difference from a whole number that counts as rounding: a scale like 0.1 does not store it
+        /// exactly.
         const ROUNDING: f64 = 1e-6;
         match value {
             Value::Real(real) if real.abs() <= LARGEST && (real - real.round()).abs() <= ROUNDING => {

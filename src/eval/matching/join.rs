@@ -1,12 +1,12 @@
-//! Matching the points of both sides by coordinates and time where their orders differ, out of core.
+//! Matches the points of both sides by coordinates and time if their orders differ, out of core.
 //!
 //! Both sides are partitioned into buckets on disk by a hash of the key. Then one bucket after the other is
 //! sorted and joined in memory. Points of the same key are matched in their order of appearance. Memory: four
 //! buckets per thread. Points that all have the same key cannot be partitioned. Disk: 16 bytes per point and
 //! side.
 //!
-//! Two different keys are confused if bucket and hash agree. These have 64 bits for 200 million points: in
-//! one of a thousand such drives, two points may exchange their labels.
+//! Two different keys are confused if both bucket and hash agree. Together these have 64 bits for 200 million
+//! points: in one of a thousand such drives, two points may exchange their labels.
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_128;
@@ -230,7 +230,8 @@ mod tests {
 
     #[test]
     fn points_without_counterpart_are_found_on_both_sides() {
-        // Key 1 only on the left (index 4), keys 3 and 4 only on the right, key 2 once too often on the left.
+        // Key 1 is only on the left (index 4), keys 3 and 4 are only on the right, and key 2 is once too
+        // often on the left.
         let found = join(&[(1, 4, 1), (2, 7, 1), (2, 8, 1)], &[(2, 1, 1), (3, 2, 1), (4, 3, 1)]).unmatched;
         assert_eq!(found, Unmatched { count: 2, first: [4, 2].map(|index| Some(PointId::new(index))) });
         assert_eq!(join(&[], &[]).unmatched, Unmatched::default());

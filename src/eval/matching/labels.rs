@@ -1,4 +1,5 @@
-//! The labels of one side by number, and where their points are. Not: which point has which label.
+//! The labels of one side by number, and where their points are. Which point has which label is not known
+//! here.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -11,14 +12,13 @@ use crate::eval::table::Place;
 pub(super) struct Label {
     /// Object or segment; 0 is none.
     pub(super) id: i64,
-    /// Class of the reference, or code of what is predicted besides.
+    /// In the reference: class. In the prediction: code of ground, noise or neither.
     pub(super) class: u16,
-    /// Of the prediction: class of the object; 0 is none.
+    /// In the prediction: class of the object; 0 is none.
     pub(super) named: u16,
 }
 
-/// Numbers of labels, from 0, that all threads agree on. Which label gets which number depends on the
-/// threads.
+/// Numbers of labels, from 0, shared by all threads. Which label gets which number depends on the threads.
 #[derive(Debug, Default)]
 pub(super) struct Numbers(Mutex<FxHashMap<Label, u32>>);
 

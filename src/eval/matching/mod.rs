@@ -1,4 +1,4 @@
-//! From two sets of files to one contingency table. Not: what the table means.
+//! Makes one contingency table from two sets of files. The meaning of the table is not known here.
 
 mod dims;
 mod join;
@@ -35,7 +35,7 @@ pub enum Matching {
 }
 
 impl Matching {
-    /// In words.
+    /// The matching in words.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -113,7 +113,7 @@ impl Pair<'_> {
     }
 }
 
-/// Refuses sides of different numbers of points, with the first point that differs.
+/// Refuses sides with different numbers of points, and names the first point that differs.
 fn same_counts(pair: &Pair<'_>) -> Result<()> {
     let counts = [pair.prediction.catalog.point_count(), pair.reference.catalog.point_count()];
     if counts[0] == counts[1] {

@@ -9,8 +9,8 @@ use crate::eval::table::{Cell, Counter, Table};
 use crate::input::{Catalog, InputFile, record_xyz};
 use crate::model::{AxisTransform, Lattice, PointId};
 
-/// Blocks of the prediction that one thread takes at a time. They are many, so that a block of the reference
-/// across their ends is rarely decoded twice. They are few, so that all threads are occupied.
+/// Number of blocks of the prediction that one thread takes at a time. They are many enough that a block of
+/// the reference across their ends is rarely decoded twice, and few enough that all threads are occupied.
 const BLOCKS_AT_A_TIME: usize = 8;
 
 /// Both sides of a comparison of two sets of files.
@@ -176,7 +176,7 @@ fn part<'b>(records: &'b [u8], file: &InputFile, run: &Run, indices: std::ops::R
 struct Stretch<'b> {
     runs: (&'b Run, &'b Run),
     files: (&'b InputFile, &'b InputFile),
-    /// Index of the first of them.
+    /// Index of the first record.
     first: PointId,
     bytes: (&'b [u8], &'b [u8]),
 }
@@ -188,7 +188,7 @@ impl<'b> Stretch<'b> {
     }
 }
 
-/// For each side: how many units of the finer of both lattices one unit of its lattice has.
+/// For each side, the number of units of the finer of both lattices in one unit of its own lattice.
 pub(super) fn multiples(prediction: &Catalog, reference: &Catalog) -> (i64, i64) {
     let units = |lattice: Lattice| i64::from(lattice.units_per_m());
     let left = units(prediction.lattice());
@@ -198,7 +198,7 @@ pub(super) fn multiples(prediction: &Catalog, reference: &Catalog) -> (i64, i64)
     (finest / left, finest / right)
 }
 
-/// Compares records of two files: are they the same point?
+/// Compares records of two files: whether they are the same point.
 struct SamePoint<'b> {
     files: (&'b InputFile, &'b InputFile),
     multiples: (i64, i64),
@@ -238,7 +238,7 @@ impl<'b> SamePoint<'b> {
 }
 
 /// Largest difference of a coordinate that was stored again with another scale or offset: half a step of each
-/// file, and a unit for the lattice. It is 0 if the steps of one file are steps of the other.
+/// file, and a unit for the lattice. It is 0 if every step of one file is a step of the other.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "scales are at most kilometres, a tolerance for rounding"
@@ -272,7 +272,8 @@ mod tests {
             ((0.001, 0.0), (0.001, 530_000.0), 0),
             ((0.01, 0.0), (0.01, 0.5), 0),
             ((0.01, 0.0), (0.01, 0.505), 11),
-            // 1 mm stored again with 1 cm: 5 mm of rounding, half a millimetre of the other, and the unit.
+            // 1 mm stored again with 1 cm: half a step of 1 cm, half a step of 1 mm, rounded up, and the
+            // unit.
             ((0.001, 0.0), (0.01, 0.0), 7),
             ((0.0017, 0.0), (0.0017, 0.0), 0),
         ] {

@@ -1,4 +1,4 @@
-//! Adds up the tables of the parts of a drive. Not: counting them.
+//! Adds up the tables of the parts of a drive. The points are counted elsewhere.
 //!
 //! The counts of a few objects and segments are kept in memory. Further counts go to a scratch file until all
 //! points are read. Therefore memory does not grow with the drive while blocks of both sides are in memory,

@@ -12,11 +12,11 @@ use crate::eval::error::EvalError;
 use crate::model::PointId;
 use crate::scratch_folder::{NoScratchFolder, ScratchFolder};
 
-/// Entries that a bucket should have: 4 MiB. Every thread has four buckets in memory.
+/// Number of entries that a bucket should have: 4 MiB. Every thread has four buckets in memory.
 const BUCKET_ENTRIES: u64 = 1 << 18;
 /// Maximum number of buckets. 250 million points have this many; more points have larger buckets.
 const MAX_BUCKETS: u64 = 1024;
-/// Entries that are collected before a bucket's file is opened to append them: 32 KiB.
+/// Number of entries that are collected before the file of a bucket is opened to append them: 32 KiB.
 const FLUSH_ENTRIES: usize = 2048;
 
 /// A point in a bucket, as one number that sorts by key, then by order of appearance: 56 bits of the hash of
@@ -25,7 +25,7 @@ const FLUSH_ENTRIES: usize = 2048;
 #[repr(transparent)]
 pub(super) struct Entry(u128);
 
-/// Bits of the index: a million million points.
+/// Bits of the index, enough for 10^12 points.
 const INDEX_BITS: u32 = 40;
 
 #[expect(clippy::cast_possible_truncation, reason = "parts of a number are cut out of it")]
@@ -36,7 +36,7 @@ impl Entry {
         Self((hash >> (32 + INDEX_BITS)) << (32 + INDEX_BITS) | index << 32 | u128::from(label))
     }
 
-    /// What remains of the hash of the key.
+    /// The part of the hash of the key that the entry keeps.
     pub(super) fn key(&self) -> u64 {
         (self.0 >> (32 + INDEX_BITS)) as u64
     }
@@ -52,7 +52,8 @@ impl Entry {
     }
 }
 
-/// Entries grouped by one of their digits, and the end of each group. Kept to reuse its memory.
+/// Entries grouped by one of their digits, and the end of each group. The value is kept, so that its memory
+/// is reused.
 #[derive(Debug, Default)]
 struct ByDigit {
     entries: Vec<Entry>,
@@ -69,7 +70,7 @@ impl ByDigit {
         (0..count).for_each(|digit| ends[digit + 1] += ends[digit]);
         entries.resize(ends[count], Entry::zeroed());
         for (digit, entry) in from {
-            // The start of a group moves on until it is the end of the group.
+            // The start of a group advances until it is the end of the group.
             entries[ends[digit]] = *entry;
             ends[digit] += 1;
         }
@@ -119,7 +120,7 @@ impl Taken {
     }
 
     /// Sorts the entries that were read. Keys are hashes and spread evenly, so after grouping by a digit of
-    /// few bits there is little left to compare.
+    /// few bits, few comparisons are left.
     fn sort(&mut self) {
         const DIGIT_BITS: u32 = 8;
         let digit = |entry: &Entry| (entry.0 >> (u128::BITS - DIGIT_BITS)) as usize;

@@ -1,25 +1,24 @@
-//! Which dimensions are compared, and how. Not: comparing them.
+//! Which dimensions are compared, and how.
 
 use std::path::PathBuf;
 
 use crate::config::{CLUSTER_ID, SURFACE_ID};
 use crate::input::{Catalog, InputFile};
 
-/// The dimension of the predicted classes of objects that is compared without being asked for.
+/// The dimension of the predicted classes of objects that is compared by default.
 const OBJECT_CLASS: &str = "object_class";
 
 /// Which dimensions contain the labels, and how points are matched.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CompareSettings {
-    /// Dimension of the predicted segments. If it is none, it is `cluster_id`, or `surface_id` where no file
-    /// has `cluster_id` and all have that.
+    /// Dimension of the predicted segments. `None` means `cluster_id`, or `surface_id` if no file has
+    /// `cluster_id` and all files have `surface_id`.
     pub prediction_dim: Option<String>,
     /// Dimension of the reference objects.
     pub reference_dim: String,
     /// Dimension of the reference classes; none when there are no classes.
     pub class_dim: Option<String>,
-    /// Dimension of the predicted classes of objects. If it is none, `object_class` is compared where all
-    /// files have it.
+    /// Dimension of the predicted classes of objects. `None` means `object_class`, if all files have it.
     pub named_dim: Option<String>,
     /// LAS classes of the prediction that are ground.
     pub ground_classes: Vec<u16>,
@@ -55,8 +54,8 @@ impl CompareSettings {
         self.prediction_dim.as_deref().unwrap_or(if surfaces { SURFACE_ID } else { CLUSTER_ID })
     }
 
-    /// What the user should know if the dimension that is compared may not be the one they mean: files that
-    /// have objects of an earlier run, and surfaces.
+    /// A warning if the compared dimension may not be the one that the user means: the files have both
+    /// surfaces and objects of an earlier run.
     #[must_use]
     pub fn warning(&self, prediction: &Catalog) -> Option<String> {
         let both = |file: &&InputFile| {
@@ -70,8 +69,8 @@ impl CompareSettings {
         ))
     }
 
-    /// The dimension of the predicted classes of objects, if they are compared: there are classes to compare
-    /// them with, and a dimension was named or all files have the one of this program. `none` names no
+    /// The dimension of the predicted classes of objects, if they are compared: the reference has classes,
+    /// and either a dimension was named or all files have the dimension of this program. `none` names no
     /// dimension.
     pub(super) fn named_dim_in(&self, prediction: &Catalog) -> Option<&str> {
         let everywhere = || {

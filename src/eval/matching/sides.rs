@@ -1,5 +1,5 @@
-//! The two sides of a comparison: their records in order, and where their labels are. Not: matching the
-//! records.
+//! The two sides of a comparison: their records in order, and where their labels are. The records are matched
+//! elsewhere.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -19,7 +19,7 @@ pub(super) struct Run {
     pub(super) file: usize,
     /// Block of the file.
     pub(super) block: usize,
-    /// Index of its first record among those of all files.
+    /// Index of its first record among the records of all files.
     pub(super) first: PointId,
     /// Records.
     pub(super) count: u64,
@@ -71,7 +71,7 @@ impl PredictionFields {
 }
 
 impl ReferenceFields {
-    /// Object and class of a record; class 0 where the reference has no classes.
+    /// Object and class of a record; class 0 if the reference has no classes.
     #[inline]
     pub(super) fn read(&self, record: &[u8]) -> Result<(i64, u16), WrongLabel> {
         let class = match &self.class {
@@ -154,7 +154,7 @@ impl<'a, F> Files<'a, F> {
         &self.catalog.files()[run.file]
     }
 
-    /// The error of a wrong label in the record of this index among all files.
+    /// The error for a wrong label in the record with this index among all files.
     pub(super) fn wrong(&self, run: &Run, index: PointId, label: WrongLabel) -> EvalError {
         label.at(self.file(run).path(), index - self.catalog.first_id(run.file))
     }
@@ -164,12 +164,12 @@ impl<'a, F> Files<'a, F> {
         self.catalog.files().iter().all(|file| file.layout().gps_time.is_some())
     }
 
-    /// The run that contains the record of this index.
+    /// The run that contains the record with this index.
     fn run_of(&self, index: PointId) -> &Run {
         &self.runs[self.runs.partition_point(|run| run.first + run.count <= index)]
     }
 
-    /// The point of this index, for a message.
+    /// The point with this index, for a message.
     ///
     /// # Errors
     /// When its block cannot be read.

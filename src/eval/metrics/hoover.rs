@@ -7,7 +7,7 @@
 //! * *under*: a segment covers at least T of the object and of another one;
 //! * *missed*: none of these.
 //!
-//! *Noise* is a segment of no object: it takes part in no correct detection and in no over- or
+//! *Noise* is a segment without an object: it takes part in no correct detection and in no over- or
 //! under-segmentation that counts (Hoover et al.). Sizes count all points, including the ground points of a
 //! segment.
 //!
@@ -21,7 +21,8 @@ use std::str::FromStr;
 use crate::config::ConfigError;
 use crate::eval::metrics::overlaps::{Object, Overlap, Scene, Segment};
 
-/// A tolerance of overlap, 0.5 to 1 in steps of 0.0001: an exact fraction, so that 80 of 100 points are 0.8.
+/// A tolerance of overlap, 0.5 to 1 in steps of 0.0001. It is an exact fraction, so that 80 of 100 points are
+/// 0.8.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Tolerance {
     parts: u64,
@@ -61,7 +62,7 @@ impl fmt::Display for Tolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let text = format!("{:.4}", self.share());
         let short = text.trim_end_matches('0');
-        // Two decimals at least: 0.80, 0.50, but 0.7525.
+        // At least two decimals: 0.80, 0.50, but 0.7525.
         f.write_str(if short.len() < 4 { &text[..4] } else { short })
     }
 }
@@ -85,14 +86,14 @@ pub enum Detection {
     },
     /// Several segments together are the object.
     Over {
-        /// How many.
+        /// Number of segments.
         segments: usize,
     },
     /// One segment covers this object and others.
     Under {
         /// The segment.
         segment: usize,
-        /// Objects it covers, this one included.
+        /// Number of objects it covers, this one included.
         objects: usize,
     },
     /// None of these.
@@ -142,7 +143,7 @@ pub fn judge(scene: &Scene, tolerance: Tolerance) -> Hoover {
 struct Rules<'a> {
     scene: &'a Scene,
     tolerance: Tolerance,
-    /// Per segment: objects it covers by T.
+    /// Per segment: number of objects of which it covers at least T.
     covered: Vec<usize>,
 }
 
@@ -174,11 +175,11 @@ impl Rules<'_> {
         }
     }
 
-    /// The one segment that overlaps the object by at least T of both. `None` if it also overlaps another
-    /// object so, or if another segment overlaps this object so.
+    /// The one segment that overlaps the object by at least T of both. `None` if it overlaps another object
+    /// in this way as well, or if another segment overlaps this object in this way.
     fn only_partner(&self, object: &Object) -> Option<usize> {
         let segment_of = |overlap: &Overlap| &self.scene.segments[overlap.index];
-        // T is at least a half, so only the two largest overlaps of either side can reach T of both.
+        // T is at least a half, so only the two largest overlaps on either side can reach T of both.
         let mut partners =
             object.overlaps.iter().take(2).filter(|part| self.mutual(part.points, object, segment_of(part)));
         let partner = partners.next().filter(|_| partners.next().is_none())?;
@@ -227,11 +228,11 @@ mod tests {
             // 80 of 100 is 0.8 of the object; 79 is not. One segment alone is not an over-segmentation.
             ("80 of 100", 0.8, vec![(1, 1, 80), (1, 0, 20)], vec!["correct"], vec![false]),
             ("79 of 100", 0.8, vec![(1, 1, 79), (1, 0, 21)], vec!["missed"], vec![true]),
-            // The segment lies 100 / 125 = 0.8 in the object, then 100 / 126.
+            // 100 / 125 = 0.8 of the segment lies in the object, then 100 / 126.
             ("25 of ground", 0.8, vec![(1, 1, 100), (0, 1, 25)], vec!["correct"], vec![false]),
             ("26 of ground", 0.8, vec![(1, 1, 100), (0, 1, 26)], vec!["missed"], vec![true]),
             ("segment elsewhere", 0.8, vec![(1, 1, 50), (0, 2, 50)], vec!["correct"], vec![false, true]),
-            // Three parts. One of them lies only 0.5 in the object; the two others cover 0.7 and 0.8.
+            // Three parts. Only 0.5 of one lies in the object; the other two cover 0.7 and 0.8.
             (
                 "parts 0.7",
                 0.8,

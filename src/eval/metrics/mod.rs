@@ -4,7 +4,7 @@
 //! 0, as in the reference code of panoptic quality. A false positive or a noise segment counts in the class
 //! of the object that has most points in it. Noise without points of any object counts overall only.
 //! Published figures per class often count false positives in no class, because their segments have no class.
-//! That F1 is given as well.
+//! F1 is given in this way as well.
 
 pub mod hoover;
 pub mod named;
@@ -23,10 +23,10 @@ use panoptic::{Iou, Panoptic, SegmentRole};
 use rand_index::adjusted_rand_index;
 use segmentation::Segmentation;
 
-/// What the metrics depend on besides the labels.
+/// The settings of the metrics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MetricSettings {
-    /// Points that an object, and a segment for PQ, need to count.
+    /// Smallest number of points of an object that counts, and for PQ also of a segment.
     pub min_points: u64,
     /// Tolerances of Hoover's classes.
     pub hoover: Vec<Tolerance>,
@@ -34,7 +34,7 @@ pub struct MetricSettings {
     pub classes: ClassTable,
 }
 
-/// Hoover's classes, counted.
+/// Counts of Hoover's classes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HooverCounts {
     /// The tolerance.
@@ -45,9 +45,9 @@ pub struct HooverCounts {
     pub over: u64,
     /// Objects that share a segment.
     pub under: u64,
-    /// Objects of none of these kinds.
+    /// Objects of none of these classes.
     pub missed: u64,
-    /// Segments of no object.
+    /// Segments without an object.
     pub noise: u64,
 }
 
@@ -133,8 +133,8 @@ impl Figures {
         self.rq()
     }
 
-    /// F1 of the matches if no false segment counts, 2 R / (1 + R). This figure is reported by authors whose
-    /// segments have no class, because they count false segments in no class.
+    /// F1 of the matches if no false segment counts, 2 R / (1 + R). Authors whose segments have no class
+    /// report this figure, because they count false segments in no class.
     #[must_use]
     pub fn f1_without_false_positives(&self) -> Option<f64> {
         ratio((2 * self.true_positives) as f64, (self.objects + self.true_positives) as f64)
@@ -173,8 +173,8 @@ pub struct PointScore {
 
 impl PointScore {
     /// Counts the points of `reference` and the points that the prediction calls `predicted`. If no class of
-    /// the reference has that role (`known` is false), it counts nothing: then nothing can be said about the
-    /// prediction either.
+    /// the reference has this role (`known` is false), nothing is counted, because the prediction cannot be
+    /// judged.
     fn count(table: &Table, known: bool, reference: impl Fn(u16) -> bool, predicted: Predicted) -> Self {
         let mut score = Self::default();
         for (cell, points) in table.cells.iter().filter(|_| known) {
@@ -239,7 +239,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Evaluates a table; positions in metres by `lattice`.
+    /// Evaluates a table. `lattice` converts positions to metres.
     #[must_use]
     pub fn of(table: Table, settings: &MetricSettings, lattice: Lattice) -> Self {
         let classes = &settings.classes;
@@ -296,7 +296,7 @@ impl Judged {
         let iou_sum = |holds: &dyn Fn(usize) -> bool| {
             let ious =
                 objects.iter().filter(|&&index| holds(index)).filter_map(|&index| self.panoptic.best[index]);
-            // Not `sum`, whose sum of nothing is -0.0.
+            // `sum` is not used, because the sum of no values is -0.0.
             ious.map(Iou::value).fold(0.0, |sum, iou| sum + iou)
         };
         let is_false = |index: &&usize| self.panoptic.segments[**index] == SegmentRole::FalsePositive;

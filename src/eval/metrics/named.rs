@@ -1,10 +1,10 @@
-//! Classes: whether points and matched objects are called what they are.
+//! Scores of classes: whether points and matched objects get their true class.
 //!
-//! A point is called ground or noise if the prediction says so, otherwise by the class of its object,
-//! otherwise nothing. Points that are noise in the reference are left out, because nobody says what they are.
-//! The class of a segment is the class of most of its points. An object is *right* if it is matched (IoU >
-//! 0.5) with a segment of its class. F1 with the right class counts every other segment that counts as false,
-//! in the class that it claims. So a tree that is called a pole lowers the F1 of both.
+//! A point is called ground or noise if the prediction says so, otherwise by the class of its object, and
+//! otherwise nothing. Points that are noise in the reference are left out, because their true class is
+//! unknown. The class of a segment is the class of most of its points. An object is *right* if it is matched
+//! (IoU > 0.5) with a segment of its class. F1 with the right class counts every other segment that counts as
+//! false, in the class that it claims. So a tree that is called a pole lowers the F1 of both.
 
 use std::collections::BTreeMap;
 
@@ -43,7 +43,7 @@ impl Called {
     }
 }
 
-/// Counts per class of the reference and what the prediction calls it.
+/// Counts per class of the reference and per name that the prediction gives.
 pub type Counts = BTreeMap<(u16, Called), u64>;
 
 /// How often a class was claimed and was right.
@@ -51,11 +51,11 @@ pub type Counts = BTreeMap<(u16, Called), u64>;
 pub struct Hits {
     /// Points or objects of the class.
     pub of_class: u64,
-    /// Those called so.
+    /// Points or objects of the class that are called so.
     pub right: u64,
-    /// Others called so.
+    /// Other points or objects that are called so.
     pub wrong: u64,
-    /// Of objects: those that are matched, whatever they are called.
+    /// For objects: the matched objects of the class, whatever they are called.
     pub matched: u64,
 }
 
@@ -67,13 +67,13 @@ impl Hits {
         self.matched += other.matched;
     }
 
-    /// Share of what is called so that is right.
+    /// Share of the points or objects called so that are of the class.
     #[must_use]
     pub fn precision(&self) -> Option<f64> {
         share(self.right, self.right + self.wrong)
     }
 
-    /// Share of the class that is called so.
+    /// Share of the points or objects of the class that are called so.
     #[must_use]
     pub fn recall(&self) -> Option<f64> {
         share(self.right, self.of_class)
@@ -96,7 +96,7 @@ fn share(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// How well classes are told apart.
+/// How well classes are distinguished.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Named {
     /// Points.
@@ -153,7 +153,7 @@ impl Named {
             if counts && !right {
                 match Called::of_code(segment.named) {
                     Called::Class(code) => hits.entry(code).or_default().wrong += 1,
-                    // It claims no class, and is false all the same.
+                    // The segment claims no class, but is still false.
                     _ => all_objects.wrong += 1,
                 }
             }
@@ -163,7 +163,7 @@ impl Named {
         Self { of_points: point_hits(&points, classes), points, objects, of_objects, all_objects }
     }
 
-    /// Points of the reference, and those called what they are.
+    /// Points of the reference, and the points among them that get their true class.
     #[must_use]
     pub fn right_points(&self) -> Hits {
         let mut all = Hits::default();
@@ -171,7 +171,7 @@ impl Named {
         all
     }
 
-    /// Share of the points that are called what they are.
+    /// Share of the points that get their true class.
     #[must_use]
     pub fn accuracy(&self) -> Option<f64> {
         self.right_points().recall()
@@ -242,7 +242,7 @@ mod tests {
         let poles = hits(&found.of_objects, 3);
         assert_eq!((poles.of_class, poles.right, poles.wrong), (1, 1, 1));
         assert_eq!(poles.f1(), Some(2.0 / 3.0));
-        // The car claims no class: it is false overall, and its segment with it.
+        // The segment of the car claims no class, so it counts as false only overall.
         let all = found.all_objects;
         assert_eq!((all.of_class, all.matched, all.right, all.wrong), (5, 4, 2, 2));
         assert_eq!(all.right_of_matched(), Some(0.5));

@@ -1,10 +1,10 @@
 //! The objects and segments of a contingency table and their overlaps. Every metric starts from them.
 //!
-//! The page of the metrics leaves three points open. They are settled here:
+//! The specification of the metrics leaves three points open. They are settled here:
 //! * The class of an object is the class of most of its points (ties: the smaller code). If this class is
 //!   ground or noise, it is not an object.
 //! * An object with fewer points than `min_points` (30) is not evaluated. Its points are *unlabelled*, like
-//!   points of no object.
+//!   points without an object.
 //! * The class of a segment is the class of the evaluated object that has most points in it (ties: the
 //!   smaller id).
 
@@ -47,7 +47,7 @@ pub struct Object {
 }
 
 impl Object {
-    /// S(o): the segment that contains most points of the object. Ties go to the smaller id; none if no
+    /// S(o): the segment that contains most points of the object. Ties go to the smaller id; `None` if no
     /// segment contains any.
     #[must_use]
     pub fn main(&self) -> Option<Overlap> {
@@ -111,7 +111,8 @@ pub struct SmallObject {
 }
 
 impl Scene {
-    /// The scene of a table: objects of at least `min_points` points, positions in metres by `lattice`.
+    /// The scene of a table, with objects of at least `min_points` points. `lattice` converts positions to
+    /// metres.
     #[must_use]
     pub fn build(table: &Table, classes: &ClassTable, lattice: Lattice, min_points: u64) -> Self {
         let mut scene =

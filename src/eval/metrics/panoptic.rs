@@ -1,19 +1,19 @@
 //! Panoptic quality (Kirillov et al. 2019, doi:10.1109/CVPR.2019.00963): matches segments and objects at IoU
 //! > 0.5.
 //!
-//! The page of the metrics leaves four points open. They are settled here:
+//! The specification of the metrics leaves four points open. They are settled here:
 //! * Segments of fewer than `min_points` (30) points are ignored, even as matches. The same applies to such
 //!   objects.
 //! * A segment does not count as false if more than half of it belongs to no evaluated object (the void rule
 //!   of Kirillov et al., section 4.2, threshold 0.5). It cannot match: its IoU with any object is below 0.5.
 //! * Points of a segment outside objects count in its IoU. The paper removes void there. But void in the
-//!   paper is what nobody has labelled. Our unlabelled points are mostly ground, which is known not to belong
-//!   to the object.
+//!   paper is unlabelled by the annotators. Our unlabelled points are mostly ground, which is known not to
+//!   belong to the object.
 //! * The mean best IoU is taken over all segments, including small ones.
 
 use crate::eval::metrics::overlaps::{Object, Overlap, Scene};
 
-/// Number of points in the intersection and in the union.
+/// The overlap of an object and a segment: number of points in the intersection and in the union.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Iou {
     /// Index of the segment.
@@ -78,7 +78,7 @@ impl SegmentRole {
 /// The matches of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Panoptic {
-    /// Per object: the segment of the largest IoU, whatever its size (ties: more points in common, then
+    /// Per object: the segment with the largest IoU, whatever its size (ties: more points in common, then
     /// smaller id).
     pub best: Vec<Option<Iou>>,
     /// Per object: whether it is matched with that segment.
@@ -135,7 +135,7 @@ mod tests {
             ("halves", vec![(1, 1, 50), (1, 2, 50)], vec![false], vec!["false positive"; 2]),
             ("merged", vec![(1, 1, 50), (2, 1, 50)], vec![false; 2], vec!["false positive"]),
             ("noise", vec![(1, 1, 50), (0, 2, 50)], vec![true], vec!["matched", "unlabelled"]),
-            // Half on ground is not mostly on ground.
+            // A segment that is exactly half ground is not mostly unlabelled.
             ("half on ground", vec![(1, 1, 50), (0, 1, 50)], vec![false], vec!["false positive"]),
             ("small segment", vec![(1, 1, 29), (1, 0, 1)], vec![false], vec!["small"]),
             ("30 points", vec![(1, 1, 30)], vec![true], vec!["matched"]),

@@ -75,9 +75,9 @@ mod tests {
         assert_eq!(index(&[(1, 0, 50), (2, 0, 50)]), Some(0.0), "empty");
         assert_eq!(index(&[(0, 1, 50)]), None, "no object");
         assert_eq!(index(&[(1, 1, 50), (0, 1, 50)]), Some(1.0), "only points of objects count");
-        // Two objects of 40, segments of 50 and 30 with 40 + 10 and 30. Unordered pairs: tp = 780 + 45 + 435
-        // = 1260, rows 1560, columns 1225 + 435 = 1660, all 3160. Expected 1560 * 1660 / 3160; (1260 - e) /
-        // (1610 - e).
+        // Two objects of 40 points; a segment of 50 with 40 + 10 of them, and one of 30. Unordered pairs: tp
+        // = 780 + 45 + 435 = 1260, rows 1560, columns 1225 + 435 = 1660, all 3160. Expected e = 1560 * 1660 /
+        // 3160; the index is (1260 - e) / (1610 - e).
         let expected = 1560.0 * 1660.0 / 3160.0;
         let by_hand = (1260.0 - expected) / (1610.0 - expected);
         let found = index(&[(1, 1, 40), (2, 1, 10), (2, 2, 30)]).unwrap();

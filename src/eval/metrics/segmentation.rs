@@ -1,5 +1,5 @@
-//! Under- and over-segmentation of objects (Li et al. 2017, section 4.4). Not: rates, which are counts over
-//! objects.
+//! Under- and over-segmentation of single objects (Li et al. 2017, section 4.4). The rates are counts over
+//! objects, made elsewhere.
 //!
 //! S(o) is the segment that contains most points of object o (ties: the smaller id).
 //! * o is *under-segmented* if S(o) is also S(o') of another evaluated object, or contains at least 20 % of
@@ -13,25 +13,27 @@
 
 use crate::eval::metrics::overlaps::{Overlap, Scene};
 
-/// Share of another object from which on its segment is shared, in percent (Li et al. 2017, section 4.4).
+/// Share of another object in S(o) from which on o is under-segmented, in percent (Li et al. 2017, section
+/// 4.4).
 const SHARED_PERCENT: u64 = 20;
 /// Share of an object in a second segment from which on it is over-segmented, in percent (Li et al. 2017,
 /// section 4.4).
 const SECOND_PERCENT: u64 = 10;
-/// Points of an object in a second segment from which on it is over-segmented (Li et al. 2017, section 4.4).
+/// Number of points of an object in a second segment from which on it is over-segmented (Li et al. 2017,
+/// section 4.4).
 const SECOND_POINTS: u64 = 30;
 
 /// Outcome of one object.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Segmentation {
-    /// The other object that makes it under-segmented, as index, and how many of its points S(o) contains.
+    /// The other object that makes it under-segmented, as index, and the number of its points in S(o).
     pub shared_with: Option<Overlap>,
-    /// The second segment that makes it over-segmented, and how many points of the object it contains.
+    /// The second segment that makes it over-segmented, and the number of points of the object in it.
     pub second: Option<Overlap>,
 }
 
 impl Segmentation {
-    /// Whether the object's segment is also that of another object, or contains much of another.
+    /// Whether the segment of the object is also S(o') of another object, or contains much of another object.
     #[must_use]
     pub fn is_under(&self) -> bool {
         self.shared_with.is_some()
@@ -60,8 +62,8 @@ pub fn judge(scene: &Scene) -> Vec<Segmentation> {
     scene.objects.iter().enumerate().map(judge_one).collect()
 }
 
-/// Per segment: the first two objects, largest overlap first, whose S(o) it is or of which it contains much.
-/// Two are enough: an object is under-segmented if one of them is another object.
+/// Per segment: the first two objects, largest overlap first, for which it is S(o) or of which it contains
+/// much. Two are enough: an object is under-segmented if one of them is another object.
 fn claims(scene: &Scene) -> Vec<[Option<Overlap>; 2]> {
     let claims_of = |(index, segment): (usize, &crate::eval::metrics::overlaps::Segment)| {
         let mut claims = segment.overlaps.iter().copied().filter(|overlap| {
@@ -107,7 +109,7 @@ mod tests {
             ("19 % of another", vec![(1, 1, 50), (2, 1, 19), (2, 2, 81)], vec![(false, false); 2]),
             // S(2) = 1 with 15 %, because the rest of object 2 has no segment.
             ("main with 15 %", vec![(1, 1, 50), (2, 1, 15), (2, 0, 85)], vec![(true, false); 2]),
-            // An object too small to be evaluated makes no other under-segmented.
+            // An object too small to be evaluated does not make another one under-segmented.
             ("small neighbour", vec![(1, 1, 50), (2, 1, 29)], vec![(false, false)]),
             ("ground neighbour", vec![(1, 1, 50), (0, 1, 500)], vec![(false, false)]),
         ] {
@@ -119,7 +121,7 @@ mod tests {
     fn the_other_object_is_named() {
         let scene = scene_of(&[(1, 7, 50), (2, 7, 40), (3, 7, 60)], |_| 2);
         let judged = judge(&scene);
-        // Largest overlap first: object 3 (60 points), and for object 3 itself object 1 (50 points).
+        // Largest overlap first: object 3 (60 points); for object 3 itself, object 1 (50 points).
         assert_eq!(judged[0].shared_with, Some(Overlap { index: 2, points: 60 }));
         assert_eq!(judged[2].shared_with, Some(Overlap { index: 0, points: 50 }));
     }

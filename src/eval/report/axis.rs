@@ -1,13 +1,12 @@
-//! Where along the drive something is: chainage along a trajectory, or along the principal axis of the
-//! objects.
+//! Positions along the drive: chainage along a trajectory, or along the principal axis of the objects.
 
 use std::path::Path;
 
 use crate::eval::error::EvalError;
 use crate::input::InputError;
 
-/// Trajectory vertices closer than this to the vertex before are skipped. 1 m is finer than anyone searches
-/// for an object. A trajectory at 200 Hz has a hundred times more vertices.
+/// Smallest distance between vertices of a trajectory, metres; closer ones are skipped. 1 m is finer than
+/// anyone needs to find an object. A trajectory at 200 Hz has a hundred times more vertices.
 const SPACING_M: f64 = 1.0;
 
 /// A line in the plane that gives a position its chainage in metres.
@@ -22,7 +21,7 @@ pub enum Axis {
     Principal {
         /// A point on it, x and y in metres; its chainage is 0.
         origin: [f64; 2],
-        /// Unit vector of it.
+        /// Unit vector along it.
         direction: [f64; 2],
     },
 }
@@ -81,7 +80,7 @@ impl Axis {
     }
 
     /// The axis along the largest spread of `positions` in the plane, towards larger x (or y, if it is
-    /// steep). Chainage 0 is at the first of them along the axis.
+    /// steep). Chainage 0 is at the first position along the axis.
     #[must_use]
     pub fn principal(positions: &[[f64; 3]]) -> Self {
         let n = positions.len().max(1) as f64;
@@ -128,7 +127,7 @@ impl Axis {
 fn nearest_on_segment(from: [f64; 3], to: [f64; 3], at: [f64; 3]) -> (f64, f64) {
     let dx = to[0] - from[0];
     let dy = to[1] - from[1];
-    // Neighbouring vertices are apart, otherwise one of them would have been skipped.
+    // Neighbouring vertices are never at the same place, because closer ones were skipped.
     let share = (((at[0] - from[0]) * dx + (at[1] - from[1]) * dy) / (dx * dx + dy * dy)).clamp(0.0, 1.0);
     let x = from[0] + share * dx - at[0];
     let y = from[1] + share * dy - at[1];

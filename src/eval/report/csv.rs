@@ -22,7 +22,7 @@ impl Report<'_> {
             write!(to, "hoover_{tolerance:.2},")?;
         }
         write!(to, "points_without_segment,points_predicted_ground,points_predicted_noise,")?;
-        // Classes are columns where the prediction has them.
+        // There are columns for classes if the prediction has classes.
         let named = self.object_classes.is_some();
         writeln!(to, "{}what", if named { "called,class_right," } else { "" })?;
         let mut small = self.small_objects.iter().peekable();
@@ -39,11 +39,11 @@ impl Report<'_> {
     }
 }
 
-/// The row of an object that is not evaluated, in the columns of one that is. `tolerances` counts the columns
-/// that not every file has.
+/// The row of an object that is not evaluated, with the columns of an evaluated one. `tolerances` is the
+/// number of columns that not every file has.
 fn small_csv_line(row: &SmallRow, tolerances: usize, min_points: u64) -> String {
     let [x, y, z] = row.at_m;
-    // Ten columns before those of the tolerances, three after them, and the words.
+    // Ten columns before the columns of the tolerances, three after them, and the words.
     let empty = ",".repeat(10 + tolerances + 3 + 1);
     format!(
         "{},{},{},{:.3},{x:.3},{y:.3},{z:.3},{}{empty}fewer than {min_points} points: not evaluated\n",
@@ -93,7 +93,7 @@ fn csv_line(row: &ObjectRow, named: bool) -> String {
     present.map(|field| field.1).collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// A CSV field (RFC 4180): in quotes where it must be.
+/// A CSV field (RFC 4180), in quotes if necessary.
 fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))

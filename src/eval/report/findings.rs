@@ -1,4 +1,4 @@
-//! The objects and segments behind each figure: id, class, place and what went wrong. Lists contain numbers.
+//! The objects and segments behind each figure: id, class, place and what went wrong. Lists contain indices.
 //! The words of an entry are made when it is written, so that a report of a long drive stays small.
 
 use serde::{Serialize, Serializer};
@@ -14,15 +14,15 @@ use crate::words::counted;
 /// An object or a segment that lowers a figure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Finding {
-    /// Id of the reference object, when it is one.
+    /// Id of the reference object, if the finding is an object.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub object: Option<i64>,
-    /// Id of the predicted segment, when it is one.
+    /// Id of the predicted segment, if the finding is a segment.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub segment: Option<i64>,
     /// Class code; none for a segment that contains no point of an object.
     pub class: Option<u16>,
-    /// What the class is called.
+    /// Name of the class.
     pub class_name: Option<String>,
     /// Distance along the axis, in metres.
     pub chainage_m: f64,
@@ -58,7 +58,7 @@ impl Serialize for Findings<'_> {
     }
 }
 
-/// Per figure, what lowers it.
+/// The findings that lower each figure.
 #[derive(Debug, Clone, Serialize)]
 pub struct Behind<'a> {
     /// USR: under-segmented objects.
@@ -79,7 +79,7 @@ pub struct Behind<'a> {
     pub hoover: Vec<HooverFindings<'a>>,
 }
 
-/// What is behind Hoover's classes at one tolerance.
+/// The findings behind Hoover's classes at one tolerance.
 #[derive(Debug, Clone, Serialize)]
 pub struct HooverFindings<'a> {
     /// The tolerance.
@@ -95,8 +95,8 @@ pub struct HooverFindings<'a> {
     pub noise: Findings<'a>,
 }
 
-/// IoU below which a match is listed: the tolerance of Wang et al. 2019 (doi:10.3390/s19010172), because no
-/// other value is established.
+/// IoU below which a match is listed as poor: the tolerance of Wang et al. 2019 (doi:10.3390/s19010172),
+/// because no other value is established.
 const POOR_IOU: f64 = 0.8;
 
 /// Collects the objects and segments that lower the figures. `rows` are the rows of the evaluated objects.

@@ -1,4 +1,4 @@
-//! How an evaluation is shown: its values, and the forms in which they are written.
+//! The report of an evaluation: its values, and the formats in which they are written.
 
 pub mod axis;
 mod csv;

@@ -1,4 +1,4 @@
-//! How many decimals a report has.
+//! The decimals of a report.
 
 /// Six decimals: one point in a million.
 pub(super) fn share(value: Option<f64>) -> Option<f64> {

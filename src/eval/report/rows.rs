@@ -19,7 +19,7 @@ pub struct ObjectRow {
     pub object: i64,
     /// Class code.
     pub class: u16,
-    /// What the class is called.
+    /// Name of the class.
     pub class_name: String,
     /// Distance along the axis, in metres.
     pub chainage_m: f64,
@@ -46,7 +46,7 @@ pub struct ObjectRow {
     pub named: u16,
     /// Whether it is matched at IoU > 0.5.
     pub matched: bool,
-    /// Whether S(o) is also that of another object, or contains much of another.
+    /// Whether S(o) is also S(o') of another object, or contains much of another object.
     pub under_segmented: bool,
     /// That object.
     pub shares_with: Option<i64>,
@@ -62,7 +62,7 @@ pub struct ObjectRow {
     pub points_predicted_ground: u64,
     /// Points that the prediction calls noise.
     pub points_predicted_noise: u64,
-    /// What went wrong, in words; empty when nothing did.
+    /// What went wrong, in words; empty if nothing did.
     pub what: String,
 }
 
@@ -73,7 +73,7 @@ pub struct SmallRow {
     pub object: i64,
     /// Class code.
     pub class: u16,
-    /// What the class is called.
+    /// Name of the class.
     pub class_name: String,
     /// Distance along the axis, in metres.
     pub chainage_m: f64,
@@ -117,7 +117,7 @@ impl Serialize for SmallRows<'_> {
 pub struct ObjectRows<'a> {
     judged: &'a Judged,
     settings: &'a MetricSettings,
-    /// Per object. They are stored, because a chainage along a trajectory takes as long to compute as a
+    /// Chainage per object. Stored, because a chainage along a trajectory takes as long to compute as a
     /// hundred rows.
     chainages_m: Arc<[f64]>,
 }
@@ -227,7 +227,7 @@ fn what_went_wrong(judged: &Judged, settings: &MetricSettings, index: usize) -> 
         (object.predicted_noise, "classified as noise"),
         (object.unassigned, "in no segment"),
     ];
-    // The threshold is a tenth, as for over-segmentation: less does not change what the object is.
+    // The threshold is a tenth, as for over-segmentation: a smaller part does not change the object.
     phrases.extend(
         lost.into_iter()
             .filter(|(points, _)| 10 * points >= object.points)

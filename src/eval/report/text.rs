@@ -9,7 +9,7 @@ use crate::words::{counted, separated};
 const NAME: usize = 26;
 
 impl Report<'_> {
-    /// The figures for a person, with the `worst` objects of smallest best IoU below.
+    /// The figures for a person, followed by the `worst` unmatched objects with the smallest best IoU.
     #[must_use]
     pub fn text(&self, worst: usize) -> String {
         let blocks =
@@ -18,11 +18,11 @@ impl Report<'_> {
     }
 }
 
-/// A share with three decimals, `-` where there is nothing to count.
+/// A share with three decimals, or `-` if there is nothing to count.
 fn cell(share: Option<f64>) -> String {
     match share.map(|share| format!("{share:.3}")) {
         None => "-".to_owned(),
-        // An index a little below chance.
+        // A Rand index a little below chance.
         Some(zero) if zero == "-0.000" => "0.000".to_owned(),
         Some(text) => text,
     }
@@ -81,7 +81,7 @@ fn shares(report: &Report<'_>) -> String {
         values.into_iter().for_each(|value| text += &format!(" {:>6}", cell(value)));
     }
     text += &format!("\nmean over classes: PQ {}\n", cell(report.overall.pq_class_mean));
-    // Two figures are called F1 per class, and they can differ much.
+    // Two figures per class are called F1, and they can differ a lot.
     text + "F1 counts a false positive in the class of the object with most of its points; F1* counts no false positives\n"
 }
 
@@ -119,7 +119,7 @@ fn scores(report: &Report<'_>) -> String {
     text
 }
 
-/// How well classes are told apart.
+/// The table of how well classes are distinguished.
 fn named(report: &Report<'_>) -> String {
     let Some(named) = &report.object_classes else { return String::new() };
     let titles = ["objects", "matched", "class right", "F1+class", "points F1", "prec.", "recall"];
@@ -168,10 +168,10 @@ fn confusion(title: &str, counts: &[ConfusionView]) -> String {
     text + "\n"
 }
 
-/// The objects of smallest best IoU among those that are not matched.
+/// The objects with the smallest best IoU among the unmatched ones.
 fn worst_objects(report: &Report<'_>, worst: usize) -> String {
     let mut unmatched = report.objects.unmatched();
-    // Stable: equal values stay in the order of their ids.
+    // The sort is stable: equal values stay in the order of their ids.
     unmatched.sort_by(|&a, &b| report.objects.best_iou(a).total_cmp(&report.objects.best_iou(b)));
     let shown = unmatched.len().min(worst);
     if shown == 0 {

@@ -1,5 +1,5 @@
-//! The result of an evaluation as values to show: figures, findings and the outcome of every object. Not: any
-//! decision about the figures.
+//! The result of an evaluation as values to show: figures, findings and the outcome of every object. The
+//! figures are decided elsewhere.
 
 use std::collections::BTreeSet;
 
@@ -18,12 +18,12 @@ use crate::eval::report::rows::{ObjectRows, SmallRows};
 /// Version of the JSON form; raised if a key changes its meaning or is removed.
 const VERSION: u32 = 1;
 
-/// Both sides of the comparison and how they were compared, for the head of a report.
+/// Both sides of the comparison and how they were compared, for the top of a report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Provenance {
     /// Files of the prediction.
     pub prediction: Vec<String>,
-    /// Files of the reference; those of the prediction if they contain the reference too.
+    /// Files of the reference; the files of the prediction if these contain the reference as well.
     pub reference: Vec<String>,
     /// Dimension of the segments.
     pub prediction_dim: String,
@@ -40,7 +40,7 @@ pub struct Provenance {
     pub chainage_along: String,
 }
 
-/// The result of an evaluation, in the order in which the JSON has it.
+/// The result of an evaluation, in the order of the JSON.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report<'a> {
     format: &'static str,
@@ -132,7 +132,7 @@ pub(super) struct ScoreView {
     pub(super) iou: Option<f64>,
 }
 
-/// How well classes are told apart.
+/// How well classes are distinguished.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct NamedView {
     pub(super) points: u64,
@@ -140,9 +140,9 @@ pub(super) struct NamedView {
     pub(super) accuracy: Option<f64>,
     pub(super) overall: HitsView,
     pub(super) classes: Vec<NamedClassView>,
-    /// Points by class and what they are called.
+    /// Points by their class and by the name that the prediction gives.
     pub(super) point_confusion: Vec<ConfusionView>,
-    /// Matched objects by class and what they are called.
+    /// Matched objects by their class and by the name that the prediction gives.
     pub(super) object_confusion: Vec<ConfusionView>,
 }
 
@@ -295,7 +295,7 @@ impl CountsView {
 }
 
 impl<'a> Report<'a> {
-    /// The report of an evaluation; chainages along `axis`.
+    /// The report of an evaluation, with chainages along `axis`.
     #[must_use]
     pub fn new(
         evaluation: &'a Evaluation,
