@@ -1,4 +1,4 @@
-//! What ends a drive before it is complete.
+//! Errors that end a drive before it is complete.
 
 use std::borrow::Cow;
 use std::path::PathBuf;

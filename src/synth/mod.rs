@@ -2,14 +2,13 @@
 //! pulse of the scanner is traced.
 //!
 //! `street` is built cell by cell: `preset` chooses the kind of street at every place, `axis`, `section` and
-//! `ground` shape it, and `traffic` moves along it. `things` stand on it, and know their `truth`. `scene`
-//! finds the closest hit of a ray. In `scan`, `drive`, `scanner` and `aim` turn time into pulses, and pulses
-//! become echoes. `sink` writes them.
+//! `ground` shape it, and `traffic` moves along it. `things` stand on it, with their true measures in
+//! `truth`. `scene` finds the closest hit of a ray. In `scan`, `drive`, `scanner` and `aim` turn time into
+//! pulses, and pulses become echoes. `sink` writes them.
 //!
 //! Every cell and every slice of time is a pure function of settings and seed, so the bytes do not depend on
 //! the number of threads. Memory does not depend on the length, except for 56 bytes per arc of the axis and
-//! some 300 per moving thing that was seen.
-//! The rest of the crate does not use this module.
+//! about 300 bytes per moving thing that was seen. The rest of the crate does not use this module.
 //!
 //! ```
 //! use std::ops::ControlFlow;
@@ -68,20 +67,20 @@ pub use scan::scanner::{Scanner, Sensor, Spinning};
 pub use settings::{Settings, Summary};
 pub use street::preset::Preset;
 
-/// Slices per round. A drive of any length takes the memory of two rounds.
+/// Number of slices per round. A drive of any length takes the memory of two rounds.
 const ROUND: u64 = 24;
 
-/// Distance of the outermost lane from the axis and half the length of a car, metres.
+/// Distance of the outermost lane from the axis plus half the length of a car, metres.
 const LANES: f64 = 15.0;
 
 /// Length of the longest thing along the street (a facade), metres.
 const LONGEST: f64 = 75.0;
 
-/// Receives the points and metres so far, and says whether to go on.
+/// Receives the points and metres so far, and says whether to continue.
 pub type Progress<'a> = dyn FnMut(Summary) -> ControlFlow<()> + Send + 'a;
 
 /// Simulates a drive and writes `PRESET_0001.laz` ..., `reference.csv`, `trajectory.csv` and `scene.json`
-/// into `folder`. `progress` receives the points and metres so far, and says whether to go on.
+/// into `folder`. `progress` receives the points and metres so far, and says whether to continue.
 ///
 /// # Errors
 /// [`ConfigError`](crate::config::ConfigError) for settings out of range;
@@ -153,7 +152,7 @@ impl<'a> Run<'a> {
         let mut lowest = 0;
         while so_far.length_m < length && so_far.points < limit && next < end {
             let mut slices = self.slices(next..end, length);
-            // The files of the last round are written while this one is traced.
+            // The files of the previous round are written while this round is traced.
             let (written, ()) = rayon::join(
                 || sink.write(std::mem::take(&mut batch), lowest),
                 || slices.par_iter_mut().for_each(|slice| slice.trace(self.settings)),
@@ -173,7 +172,7 @@ impl<'a> Run<'a> {
             lowest = first.map_or(0, |cell| *cell as u32 * IDS);
             so_far.length_m = self.driven(next);
             if progress(so_far).is_break() {
-                // What is not complete goes with the sink.
+                // Incomplete files are removed with the sink.
                 return Err(Stopped::OnRequest { length_m: so_far.length_m, files: sink.complete_files() });
             }
         }
@@ -181,7 +180,7 @@ impl<'a> Run<'a> {
         Ok(sink.finish(so_far.length_m)?)
     }
 
-    /// What moves within range at a time, and for `half` seconds before and after it.
+    /// The moving things within range at time `t`, with their motion for `half` seconds before and after it.
     fn traffic(&self, t: f64, half: f64) -> Vec<Moving> {
         let (s, _) = self.drive.place(t);
         let place = (s, self.axis.line.at(s).point, self.settings.scanner.range_m + LANES);
@@ -193,7 +192,7 @@ impl<'a> Run<'a> {
         self.drive.distance(self.settings.scanner.time(pulse, 0))
     }
 
-    /// A round of slices to be traced, from the start of `pulses` on and within `length` metres. All of them
+    /// A round of slices to be traced, from the start of `pulses` on and within `length` metres. All slices
     /// see the same window.
     fn slices(&mut self, pulses: Range<u64>, length: f64) -> Vec<Slice> {
         let from = pulses.start;
@@ -219,7 +218,7 @@ impl<'a> Run<'a> {
         let slice = |from: u64| {
             let to = (from + step).min(pulses.end);
             let [start, end] = [from, to].map(|pulse| self.settings.scanner.time(pulse, 0));
-            // The last slice may be shorter, but its traffic is that of a whole one.
+            // The last slice may be shorter, but its traffic is the same as that of a whole slice.
             let half = (self.settings.scanner.time(from + step, 0) - start) * 0.5;
             let middle = start + half;
             let window = window.with(self.traffic(middle, half), half);

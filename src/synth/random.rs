@@ -1,5 +1,5 @@
-//! Numbers that look random and are pure functions of (seed, stream, index): any thread may ask for any of
-//! them.
+//! Numbers that look random and are pure functions of (seed, stream, index), so that any thread can compute
+//! any of them.
 
 use std::f64::consts::TAU;
 
@@ -16,28 +16,28 @@ pub(crate) fn sequence(seed: u64, stream: u64, index: u64) -> Random {
     Random::seed_from_u64(xxh3_64(bytemuck::bytes_of(&[seed, stream, index])))
 }
 
-/// The sequence that belongs to a name. No other name has an influence on it.
+/// The sequence that belongs to a name. It does not depend on any other name.
 pub(crate) fn named(seed: u64, name: &str) -> Random {
     sequence(seed, xxh3_64(name.as_bytes()), 0)
 }
 
-/// Normal, mean 0 and variance 1.
+/// A normally distributed number with mean 0 and variance 1.
 pub(crate) fn gauss(random: &mut Random) -> f32 {
     random.sample(StandardNormal)
 }
 
-/// A unit vector, each as likely.
+/// A random unit vector; all directions are equally likely.
 pub(crate) fn direction(random: &mut Random) -> Vec3 {
     random.sample::<[f32; 3], _>(UnitSphere).into()
 }
 
-/// One of `items`, each as likely; `items` is not empty.
+/// One of `items`, all equally likely; `items` is not empty.
 pub(crate) fn pick<'a, T>(items: &'a [T], random: &mut Random) -> &'a T {
     &items[random.random_range(0..items.len())]
 }
 
-/// A sum of sine waves over time, a line or the plane: chance without corners. Amplitude, angular frequency,
-/// phase and direction in the plane of each.
+/// A sum of sine waves over time, a line or the plane: smooth random variation. Each wave has amplitude,
+/// angular frequency, phase and direction in the plane.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Waves<const N: usize>([(f64, f64, f64, DVec2); N]);
 

@@ -31,7 +31,7 @@ pub struct Settings {
     pub speed_kmh: (f64, f64),
     /// Seconds of driving per file; `None` writes one file.
     pub files_every_s: Option<f64>,
-    /// LAZ, else LAS.
+    /// Whether the files are LAZ instead of LAS.
     pub compressed: bool,
     /// Worker threads; 0 for one per processor. Does not change the result.
     #[serde(skip)]
@@ -94,8 +94,8 @@ impl Settings {
         ])
     }
 
-    /// Metres after which the drive ends at the latest. The length of a loop follows from the number of
-    /// points asked for.
+    /// Metres after which the drive ends at the latest. The length of a loop follows from the requested
+    /// number of points.
     pub(crate) fn length(&self) -> f64 {
         let enough = |points: u64| {
             // About this many points are measured per pulse in a suburb.

@@ -28,10 +28,10 @@ const WORLD: DVec3 = DVec3::new(651_000.0, 5_400_000.0, 430.0);
 const CLASSES: [&str; 9] =
     ["none", "ground", "tree", "pole", "car", "building", "fence_hedge_lowveg", "person_furniture", "wire"];
 
-/// Classes of what stands or moves on the roadway and has no clearance: vehicles and persons.
+/// Classes of objects that stand or move on the roadway and have no clearance: vehicles and persons.
 const ON_ROADWAY: [u8; 2] = [4, 7];
 
-/// Points of an object: how many, and the box around them in steps of 1 mm from the street's origin.
+/// The points of an object: their number, and the box around them in steps of 1 mm from the street's origin.
 #[derive(Debug)]
 struct Tally {
     /// `None` for ground and strays.
@@ -52,13 +52,13 @@ pub(crate) struct Sink<'a> {
     reference: WholeFile,
     /// One row per pose.
     trajectory: WholeFile,
-    /// Objects that may get more points, by number. What moves has the highest numbers and stays until the
-    /// end.
+    /// Objects that may get more points, by number. Moving objects have the highest numbers and stay until
+    /// the end.
     seen: BTreeMap<u32, Tally>,
     summary: Summary,
 }
 
-/// Makes sure `folder` is there and empty. Half files of a process that was killed are removed.
+/// Makes sure that `folder` exists and is empty. Incomplete files of a killed process are removed.
 pub(crate) fn prepare(folder: &Path) -> Result<(), OutputError> {
     let entries = fs_err::create_dir_all(folder).and_then(|()| fs_err::read_dir(folder));
     let failed = |source| OutputError::Write { path: folder.to_owned(), source };
@@ -145,7 +145,7 @@ impl<'a> Sink<'a> {
         }
     }
 
-    /// The open file. From now on it is that of point source `number`.
+    /// The open point file; from now on, the file of point source `number`.
     fn open(&mut self, number: u16) -> Result<&mut NewFile, OutputError> {
         let (current, file) = match self.file.take() {
             Some((current, file)) if current == number => (current, file),
@@ -180,8 +180,8 @@ impl<'a> Sink<'a> {
         let [x1, y1, z1] = (high.as_dvec3() * 0.001 + WORLD).to_array();
         let tall = z1 - z0;
         let driven = LEAD..LEAD + self.summary.length_m;
-        // What an object does not have is empty. What moves has no foot, and its box is that of its trace. It
-        // is never inside, so that no measure is compared with it.
+        // A value that an object does not have is empty. A moving object has no foot, and its box is the box
+        // of its trace. It is never marked as inside, so that no measure is compared with it.
         let field = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.3}"));
         let (base, inside, speed) = match place {
             Place::Stands { base, s } => (Some(base + WORLD), driven.contains(&s), None),
@@ -202,7 +202,8 @@ impl<'a> Sink<'a> {
         )
     }
 
-    /// Completes all files and writes the settings they were made from. `length_m` is the length driven.
+    /// Completes all files, and writes the settings from which they were made. `length_m` is the driven
+    /// length.
     pub(crate) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
         self.write(Vec::new(), u32::MAX)?;

@@ -1,4 +1,4 @@
-//! Aiming: when every pulse is fired, from where and in which direction. No scene and no echoes.
+//! Aiming: when every pulse is fired, from where and in which direction. Scene and echoes are not known here.
 
 use std::f64::consts::{PI, TAU};
 
@@ -7,8 +7,9 @@ use glam::{DMat4, DVec3};
 use super::drive::Track;
 use super::scanner::Scanner;
 
-/// The heads of a pair look backwards and outwards: azimuth of the axis of rotation from straight back, and
-/// its elevation, degrees. They are a crossed pair, fitted to the labelled scenes.
+/// Azimuth of the axis of rotation of a profile head from straight back, and its elevation, degrees. The
+/// heads of a pair look backwards and outwards. They are crossed; the angles are fitted to the labelled
+/// scenes.
 const AZIMUTH: f64 = 45.0;
 const ELEVATION: f64 = 22.0;
 /// Fraction of an angular step by which the phase advances from profile to profile. The golden section is the
@@ -18,11 +19,11 @@ const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
 /// The heads of a scanner and their beams.
 pub(crate) struct Aim<'a> {
     scanner: &'a Scanner,
-    /// From the frame of every head to that of the vehicle.
+    /// Transforms from the frame of every head to the frame of the vehicle.
     mounts: Vec<DMat4>,
     /// Cosine and sine of the elevation of every beam of a spinning head; empty for profile heads.
     beams: Vec<(f64, f64)>,
-    /// Pulses of a profile or a rotation; pulses of a beam that are traced together.
+    /// Number of pulses of a profile or a rotation, and of pulses of a beam that are traced together.
     pulses: u64,
     together: u64,
 }
@@ -64,7 +65,7 @@ impl<'a> Aim<'a> {
         self.mounts.len() * self.beams.len().max(1)
     }
 
-    /// The beam of all heads that fires pulse number `count` of a head.
+    /// The number, among the beams of all heads, of the beam that fires pulse number `count` of a head.
     pub(crate) fn beam(&self, count: u64, head: usize) -> usize {
         match self.beams.len() {
             0 => head,
@@ -72,16 +73,16 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// If pulse number `count` is the first one of its beam that is traced together with others, the pulse in
-    /// their middle.
+    /// The middle pulse of a group of pulses that are traced together, if pulse number `count` is the first
+    /// one of the group.
     pub(crate) fn middle(&self, count: u64) -> Option<u64> {
         let beams = self.beams.len().max(1) as u64;
         let nth = if self.beams.is_empty() { count % self.pulses } else { count / beams };
         nth.is_multiple_of(self.together).then(|| count + self.together / 2 * beams)
     }
 
-    /// Aims pulse number `count` of a head. `within` is a pulse of the same profile, to which `count` may lie
-    /// just beyond the end.
+    /// Aims pulse number `count` of a head. `within` is a pulse of the profile; `count` may lie just beyond
+    /// the end of this profile.
     pub(crate) fn shot(&self, track: &Track, count: u64, within: u64, head: usize) -> Shot {
         let t = self.scanner.time(count, head);
         let frame = track.at(t) * self.mounts[head];
@@ -93,7 +94,8 @@ impl<'a> Aim<'a> {
             let angle = (pulse as f64 + phase) * TAU / self.pulses as f64 - PI;
             (angle, fan(angle))
         } else {
-            // The pulses of a rotation are no multiple of the beams, so columns shift from sweep to sweep.
+            // The number of pulses of a rotation is not a multiple of the number of beams, so columns shift
+            // from sweep to sweep.
             let angle = (count % self.pulses) as f64 * TAU / self.pulses as f64 - PI;
             let (left, ahead) = angle.sin_cos();
             let (out, up) = self.beams[self.beam(count, head)];

@@ -1,4 +1,4 @@
-//! The vehicle: its distance, position and attitude at any time. No scanner.
+//! The vehicle: its distance, position and attitude at any time.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
@@ -17,7 +17,7 @@ const POSES_HZ: f64 = 100.0;
 pub(crate) struct Pose {
     /// Seconds since the start of the drive.
     pub(crate) t: f64,
-    /// Metres east, north, up of the street's origin.
+    /// Metres east of, north of and above the street's origin.
     pub(crate) position: DVec3,
     /// Right side down positive.
     pub(crate) roll: f64,
@@ -28,7 +28,7 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
-    /// From the vehicle's frame (forward, left, up) to the street's (east, north, up).
+    /// The transform from the vehicle's frame (forward, left, up) to the street's (east, north, up).
     fn map(&self) -> DMat4 {
         DMat4::from_translation(self.position)
             * DMat4::from_rotation_z(FRAC_PI_2 - self.heading)
@@ -99,14 +99,14 @@ impl Drive {
         self.speed * t + self.ahead.along(t) - self.ahead.along(0.0)
     }
 
-    /// Chainage at time `t`, and 1 where it grows along the drive, -1 where it falls.
+    /// Chainage at time `t`, and 1 if it grows along the drive, -1 if it falls.
     pub(crate) fn place(&self, t: f64) -> (f64, f64) {
         let s = LEAD + self.distance(t);
         if s > self.end { (LEAD + STEM - (s - self.end), -1.0) } else { (s, 1.0) }
     }
 
-    /// Offsets (left positive) of the path from the axis at chainage `s`: on the way out and, where the
-    /// street is driven twice, on the way back. Metres.
+    /// Offsets (left positive) of the path from the axis at chainage `s`, metres: on the way out and, if the
+    /// street is driven twice, on the way back.
     pub(crate) fn offsets(&self, s: f64) -> [Option<f64>; 2] {
         let back = self.end + STEM - s;
         let returns = s <= LEAD + STEM && back.is_finite();
@@ -128,7 +128,7 @@ impl Drive {
 
     fn pose(&self, axis: &Line, t: f64) -> Pose {
         let (here, way) = self.place(t);
-        // Measured along the drive, not along the street: there is no jump where the loop closes.
+        // Measured along the drive, not along the street, so that there is no jump where the loop closes.
         let driven = self.distance(t);
         let offset = |s: f64| self.offset(s, driven + (s - here) * way, way);
         let height = |s: f64| self.plan.height(axis.at(s), s, offset(s));

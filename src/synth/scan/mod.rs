@@ -34,23 +34,24 @@ pub(crate) const START_TIME: f64 = 465_552_000.0;
 const SEPARATION: f32 = 0.6;
 /// Maximum number of echoes of a pulse.
 const ECHOES: usize = 5;
-/// Intensity of a white surface at normal incidence nearer than 6 m, and how it falls with range and
-/// incidence. Fitted to the medians of the labelled scenes by range and class.
+/// Intensity of a white surface at normal incidence nearer than 6 m, and the exponents with which it falls
+/// with range and with the cosine of incidence. Fitted to the medians of the labelled scenes by range and
+/// class.
 const BRIGHTNESS: (f32, f32, f32) = (31_700.0, 0.75, 0.7);
-/// Least reflectance times cosine of incidence of a target that is seen at full range. It scales with the
-/// square of the range.
+/// Smallest product of reflectance and cosine of incidence of a target that is seen at full range. It scales
+/// with the square of the range.
 const FAINTEST: f32 = 0.06;
-/// Share of a pulse that a polished surface mirrors at normal incidence: glass and clear coat, refractive
+/// Share of a pulse that a polished surface mirrors at normal incidence: glass and clear coat with refractive
 /// index 1.5.
 const MIRRORED: f32 = 0.04;
-/// A mirrored pulse hits nothing nearer to the mirror than this, metres: the mirror itself is there.
+/// Distance from the mirror below which a mirrored pulse hits nothing, metres: the mirror itself is there.
 const CLEAR: f32 = 0.05;
 
 /// An echo.
 #[derive(Debug, Clone, Copy)]
 struct Echo {
     range: f32,
-    /// Number and class of the object: 0 and 1 for the ground, 0 and 0 where there is no target.
+    /// Number and class of the object: 0 and 1 for the ground, 0 and 0 without a target.
     instance: u32,
     class: u8,
     intensity: u16,
@@ -103,7 +104,7 @@ impl Slice {
         let Self { window, middle: time, track, pulses, records, .. } = self;
         let scanner = &settings.scanner;
         let aim = Aim::new(scanner);
-        // First echo of the previous pulse of every beam, and the items that its next pulses may hit.
+        // Per beam: the first echo of its previous pulse, and the items that its next pulses may hit.
         let mut before = vec![None; aim.beams()];
         let mut about = vec![Vec::new(); aim.beams()];
         let mut echoes = Vec::with_capacity(ECHOES + 1);
@@ -145,7 +146,8 @@ impl Slice {
                         flags: (head as u8) << 4,
                         user_data: if scanner.spinning.is_some() { beam as u8 } else { 0 },
                         angle: (angle.to_degrees() / 0.006).round() as i16,
-                        // After 65,535 files, the most that the field can number, the last one continues.
+                        // After 65,535 files, the largest number that the field can store, the last file
+                        // continues.
                         file: file.min(65_534.0) as u16 + 1,
                         gps_time: START_TIME + t,
                         instance: echo.instance,
@@ -162,17 +164,17 @@ impl Slice {
 struct Target<'a> {
     surface: Surface,
     material: &'static Material,
-    /// Of the angle of incidence.
+    /// Cosine of the angle of incidence.
     cosine: f32,
     instance: u32,
     class: u8,
     owner: &'a Owner,
-    /// In the frame of the model.
+    /// The point that was hit, in the frame of the model.
     point: Vec3,
 }
 
 impl Target<'_> {
-    /// Whether it mirrors here. The ground does so where it is wet.
+    /// Whether the target mirrors at this point. The ground mirrors where it is wet.
     fn polished(&self) -> bool {
         match self.owner {
             Owner::Ground(ground) => ground.wet(self.point),
@@ -224,7 +226,7 @@ impl<'a> Pulse<'a> {
 
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self) {
-        // Nothing nearer is seen: the vehicle itself is there.
+        // Nothing nearer is seen, because the vehicle itself is there.
         let mut near = 1.2;
         let far = self.scanner.range_m as f32;
         while self.echoes.len() < ECHOES
@@ -233,13 +235,14 @@ impl<'a> Pulse<'a> {
             let (echo, rim) = self.echo(&hit);
             match (echo, self.echoes.last_mut()) {
                 (None, _) => {}
-                // Too close to tell apart: one echo, somewhere between the two.
+                // Too close to distinguish: one echo, somewhere between the two.
                 (Some(echo), Some(last)) if echo.range - last.range < SEPARATION => {
                     last.range += (echo.range - last.range) * self.random.random_range(0.0..0.5);
                 }
                 (Some(echo), _) => self.echoes.push(echo),
             }
-            // The part of the beam outside the rim of a leaf continues, and what glass lets through.
+            // The part of the beam outside the rim of a leaf continues, and so does the part that glass lets
+            // through.
             if rim > self.scanner.beam(hit.t) {
                 return;
             }
@@ -247,14 +250,14 @@ impl<'a> Pulse<'a> {
         }
     }
 
-    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit. It is 0 if
-    /// the pulse goes through the surface.
+    /// The echo of a hit, if there is one, and the distance to the rim of the leaf that was hit. The distance
+    /// is 0 if the pulse goes through the surface.
     fn echo(&mut self, hit: &RayHit) -> (Option<Echo>, f32) {
         let target = self.target(hit, &self.beam);
         let material = target.material;
         let rim = target.surface.rim;
         // Schlick 1994, An inexpensive BRDF model for physically-based rendering: a grazing pulse is mirrored
-        // whole.
+        // completely.
         let mirrored = MIRRORED + (1.0 - MIRRORED) * (1.0 - target.cosine).powi(5);
         let mirrors = material.mirrored > 0.0
             && self.random.random_bool(f64::from(material.mirrored * mirrored))
@@ -268,7 +271,7 @@ impl<'a> Pulse<'a> {
         (echo, if through { 0.0 } else { rim })
     }
 
-    /// What a beam hits.
+    /// The target of a beam.
     fn target(&self, hit: &RayHit, beam: &Beam) -> Target<'a> {
         let (surface, point) = self.window.surface(hit, beam);
         let owner = self.window.owner(hit);
@@ -280,7 +283,7 @@ impl<'a> Pulse<'a> {
         Target { surface, material, cosine, instance, class, owner, point }
     }
 
-    /// The echo of a target at the end of a way of so many metres, if it is seen.
+    /// The echo of a target at the end of a path of `way` metres, if it is seen.
     fn answer(&mut self, target: &Target<'_>, way: f32) -> Option<Echo> {
         let &Target { material, cosine, instance, class, .. } = target;
         let random = &mut self.random;
@@ -301,9 +304,9 @@ impl<'a> Pulse<'a> {
         Some(Echo { range, instance, class, intensity })
     }
 
-    /// The echo of a pulse that a surface mirrors with this share, if the pulse hits something else. The
-    /// scanner knows only the length of the way. So the point lies on the line of the pulse beyond the
-    /// mirror, where no target is. It is below the ground if the ground is the mirror.
+    /// The echo of a pulse of which a surface mirrors this share, if the pulse then hits something else. The
+    /// scanner knows only the length of the path. So the point lies on the line of the pulse beyond the
+    /// mirror, where there is no target. If the ground is the mirror, the point is below the ground.
     fn mirrored(&mut self, hit: &RayHit, mirror: &Target<'_>, share: f32) -> Option<Echo> {
         let normal = Vec3A::from(mirror.surface.normal);
         let direction = self.beam.direction - normal * (2.0 * normal.dot(self.beam.direction));
@@ -311,7 +314,7 @@ impl<'a> Pulse<'a> {
         let far = self.scanner.range_m as f32 - hit.t;
         let about = self.window.about(&beam, far);
         let next = self.window.hit(&about, &beam, CLEAR, far)?;
-        // Too close to tell apart: one echo, of the mirror.
+        // Too close to distinguish: one echo, from the mirror.
         if next.t < SEPARATION {
             return self.answer(mirror, hit.t);
         }
@@ -322,8 +325,8 @@ impl<'a> Pulse<'a> {
         Some(Echo { instance: 0, class: 0, intensity, ..echo })
     }
 
-    /// An edge between this pulse and the one before. A footprint across it returns a mixed point or two
-    /// echoes. The probability is the share of the step between two pulses that the footprint covers.
+    /// An edge between this pulse and the previous one. A footprint across the edge returns a mixed point or
+    /// two echoes. The probability is the share of the step between two pulses that the footprint covers.
     fn edge(&mut self, first: Echo, before: Echo) {
         let jump = before.range - first.range;
         let near = before.range.min(first.range);
@@ -369,8 +372,8 @@ mod tests {
     use crate::synth::things::object::{Object, Place};
     use crate::synth::things::truth::Truth;
 
-    /// Echoes of 16,000 pulses by 45 degrees onto an upright pane of this material, 14.14 m away. Where it
-    /// mirrors the pulses, they hit a wall after 28.28 m more.
+    /// Echoes of 16,000 pulses at 45 degrees onto an upright pane of this material, 14.14 m away. Mirrored
+    /// pulses hit a wall after 28.28 m more.
     fn echoes(pane: &str) -> Vec<Echo> {
         let slab = |id, low, high, name| {
             let model = Arc::new(Model::new(vec![Shape::Block(low, high).of(name)]));
@@ -410,7 +413,7 @@ mod tests {
         let way = 30.0 * 2f32.sqrt();
         assert!(mirrored.iter().all(|range| (range - way).abs() < 0.05), "{mirrored:?}");
         assert!(echoes.iter().all(|echo| (echo.class == 0) == (echo.instance == 0)));
-        // The rest hits the pane itself: its front or, behind it, its back.
+        // The other pulses hit the pane itself: its front or its back.
         let direct = echoes.iter().filter(|echo| echo.class == 5);
         assert!(direct.clone().count() > 100);
         assert!(direct.clone().all(|echo| echo.instance == 1 && (14.0..14.5).contains(&echo.range)));

@@ -8,10 +8,10 @@ use super::drive::Drive;
 use crate::synth::street::axis::Line;
 use crate::synth::street::preset::Plan;
 
-/// Distance from the path of the vehicle up to which a place is on the roadway, metres (outputs, section 2).
+/// Largest distance of a place on the roadway from the path of the vehicle, metres (outputs, section 2).
 const HALF: f64 = 3.5;
-/// A column of a tree, a pole or a wire that begins lower than this stands on the roadway and is not above
-/// it, metres; of anything else, the second value.
+/// Height over the ground below which the lowest point of a column means that it stands on the roadway and is
+/// not above it, metres: for trees, poles and wires, and for everything else.
 const LEAST: (f64, f64) = (0.5, 2.0);
 /// Class codes of trees, poles and wires.
 const HANGING: [u8; 3] = [2, 3, 8];
@@ -28,8 +28,8 @@ pub(crate) struct Roadway {
 }
 
 impl Roadway {
-    /// Height of a point over the ground, metres, if it is above the roadway. Metres from the street's
-    /// origin.
+    /// Height of a point over the ground, metres, if it is above the roadway. The point is in metres from the
+    /// street's origin.
     fn over(&self, point: DVec3) -> Option<f64> {
         let (s, offset) = self.line.nearest(point.truncate())?;
         let mut paths = self.drive.offsets(s).into_iter().flatten();
@@ -38,7 +38,7 @@ impl Roadway {
     }
 }
 
-/// The part of an object that is above the roadway: the least height over the ground in every column.
+/// The part of an object that is above the roadway: the smallest height over the ground in every column.
 #[derive(Debug, Default)]
 pub(crate) struct Above(BTreeMap<[i32; 2], f64>);
 
@@ -51,8 +51,8 @@ impl Above {
         }
     }
 
-    /// The least height over the ground of the columns that do not stand on it, metres, of an object of this
-    /// class.
+    /// The clearance below an object of this class, metres: the smallest height over the ground among its
+    /// columns that do not stand on the roadway.
     pub(crate) fn clearance(&self, class: u8) -> Option<f64> {
         let least = if HANGING.contains(&class) { LEAST.0 } else { LEAST.1 };
         self.0.values().copied().filter(|over| *over >= least).min_by(f64::total_cmp)

@@ -1,4 +1,5 @@
-//! The scanner: its rates, its beams, and which pulses are traced together. Not: its mount and its echoes.
+//! The scanner: its rates, its beams, and which pulses are traced together. Its mount and its echoes are
+//! elsewhere.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -8,12 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::synth::random::{gauss, sequence};
 
-/// Pulses that are traced together: their minimum number, the range of their angle in radians, their longest
-/// time in seconds.
+/// A group of pulses that are traced together: their preferred number, the range of the angle that they cover
+/// in radians, and their longest time in seconds.
 const FAN_PULSES: f64 = 6.0;
 const FAN_RAD: Range<f64> = 0.04..0.1;
 const FAN_S: f64 = 0.001;
-/// About how many slices a second has.
+/// Approximate number of slices per second.
 const SLICES_HZ: f64 = 40.0;
 /// Height of the trajectory's reference point over the road for profile heads, metres.
 const PROFILER_HEIGHT: f64 = 2.35;
@@ -39,7 +40,7 @@ pub enum Sensor {
 }
 
 impl Sensor {
-    /// All of them, in the order in which help lists them.
+    /// All scanners, in the order in which help lists them.
     pub const ALL: [Self; 5] =
         [Self::Profiler, Self::Spinning16, Self::Spinning32, Self::Spinning64, Self::Spinning64Wide];
 
@@ -69,8 +70,8 @@ pub struct Scanner {
     pub divergence_mrad: f64,
     /// Share of pulses that return an isolated echo without a target.
     pub strays: f64,
-    /// Standard deviation of the position at which a sweep of a spinning head is registered from its true
-    /// one, metres, on each axis. Its heading deviates so that points 15 m away move as far. 0 for profile
+    /// Standard deviation of the registered position of a sweep of a spinning head from its true position,
+    /// metres, on each axis. Its heading deviates so that points 15 m away move equally far. 0 for profile
     /// heads.
     #[serde(default)]
     pub drift_m: f64,
@@ -79,8 +80,8 @@ pub struct Scanner {
     pub spinning: Option<Spinning>,
 }
 
-/// What a spinning head has beside a profile head. It rotates about its upright axis and returns the
-/// strongest echo of a pulse.
+/// Figures that only a spinning head has. It rotates about its upright axis and returns the strongest echo of
+/// a pulse.
 #[derive(Debug, Clone, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spinning {
@@ -124,8 +125,7 @@ impl Scanner {
         self.pulses() as f64 / self.beams() as f64
     }
 
-    /// Number of pulses of a beam that are traced together: consecutive ones, or a single one if they are far
-    /// apart.
+    /// Number of consecutive pulses of a beam that are traced together; 1 if pulses are far apart.
     pub(crate) fn together(&self) -> u64 {
         let rate = self.pulse_rate_hz / self.beams() as f64;
         (self.fan() * self.columns() / TAU).min(FAN_S * rate).max(1.0) as u64
@@ -159,8 +159,8 @@ impl Scanner {
         (count as f64 + head as f64 / f64::from(self.heads)) / self.pulse_rate_hz
     }
 
-    /// How the sweep of pulse number `count` is registered wrongly: shift in metres, and turn of its heading
-    /// in radians.
+    /// The error with which the sweep of pulse number `count` is registered: shift in metres, and turn of its
+    /// heading in radians.
     pub(crate) fn drift(&self, seed: u64, count: u64) -> (DVec3, f64) {
         if self.drift_m <= 0.0 {
             return (DVec3::ZERO, 0.0);

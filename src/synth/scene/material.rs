@@ -1,4 +1,4 @@
-//! How surfaces reflect a pulse of near-infrared light; no geometry.
+//! How surfaces reflect a pulse of near-infrared light.
 
 use std::sync::LazyLock;
 

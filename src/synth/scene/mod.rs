@@ -28,16 +28,16 @@ pub(crate) struct Placed {
     pub(crate) owner: Owner,
 }
 
-/// What a copy is a part of.
+/// The ground or the object that a copy is a part of.
 #[derive(Debug, Clone)]
 pub(crate) enum Owner {
     Ground(Arc<Ground>),
     Object(Arc<Object>),
 }
 
-/// A copy that moves in a straight line for a moment.
+/// A copy that moves in a straight line for the moment of a window.
 pub(crate) struct Moving {
-    /// Where it is in the middle of this moment.
+    /// The copy at its place in the middle of this moment.
     pub(crate) placed: Placed,
     /// Metres per second.
     pub(crate) velocity: DVec3,
@@ -49,7 +49,7 @@ struct Item {
     bounds: Aabb,
     to_model: Affine3A,
     owner: Owner,
-    /// Metres per second; 0 for what stands.
+    /// Metres per second; 0 if the copy stands.
     velocity: Vec3A,
 }
 
@@ -59,7 +59,7 @@ pub(crate) struct Beam {
     pub(crate) origin: Vec3A,
     /// Unit vector.
     pub(crate) direction: Vec3A,
-    /// Seconds since the middle of the moment of the window. Before it, negative.
+    /// Seconds since the middle of the moment of the window; negative before it.
     pub(crate) late: f32,
 }
 
@@ -75,18 +75,18 @@ struct Still {
     items: Vec<Item>,
     /// Hierarchy over the boxes of the items, each enlarged by some metres on every side.
     bvh: Bvh2,
-    /// By how much they are enlarged.
+    /// Metres by which the boxes are enlarged.
     wider: f32,
 }
 
-/// Everything within range of the scanner: what stands, and what moves for a moment.
+/// Everything within range of the scanner for a moment: the standing copies, and the moving ones.
 #[derive(Clone)]
 pub(crate) struct Window {
     /// World coordinates of the window's origin, relative to the street's.
     pub(crate) origin: DVec3,
     still: Arc<Still>,
-    /// What moves, with a box around all places where rays of this moment may meet it. Its indices follow
-    /// those of what stands.
+    /// The moving items, each with a box around all places where rays of this moment may meet it. Their
+    /// indices follow those of the standing items.
     moving: Arc<[(Item, Aabb)]>,
 }
 
@@ -100,15 +100,15 @@ impl Item {
         Self { model, bounds, to_model: to_window.inverse(), owner, velocity: velocity.as_vec3a() }
     }
 
-    /// Its box, enlarged on every side.
+    /// The box of the item, enlarged on every side.
     fn enlarged(&self, by: Vec3A) -> Aabb {
         Aabb::new(self.bounds.min - by, self.bounds.max + by)
     }
 }
 
 impl Window {
-    /// The scene of all copies that stand, about `origin`. Rays that are traced together are nowhere more
-    /// than `wider` metres from the middle one.
+    /// The scene of all standing copies, about `origin`. Rays that are traced together are nowhere more than
+    /// `wider` metres from the middle ray.
     pub(crate) fn new<'a>(origin: DVec3, wider: f32, placed: impl IntoIterator<Item = &'a Placed>) -> Self {
         let item = |placed: &Placed| Item::new(origin, placed.clone(), DVec3::ZERO);
         let items: Vec<Item> = placed.into_iter().map(item).collect();
@@ -117,7 +117,8 @@ impl Window {
         Self { origin, still: Arc::new(still), moving: Arc::new([]) }
     }
 
-    /// The same with what moves. Its rays are at most `half` seconds from the middle of this moment.
+    /// The same window with moving copies. Its rays are at most `half` seconds from the middle of this
+    /// moment.
     pub(crate) fn with(&self, moving: Vec<Moving>, half: f64) -> Self {
         let item = |Moving { placed, velocity }| {
             let item = Item::new(self.origin, placed, velocity);
@@ -133,7 +134,7 @@ impl Window {
         still.get(index).unwrap_or_else(|| &self.moving[index - still.len()].0)
     }
 
-    /// What was hit is a part of this.
+    /// The ground or the object that was hit.
     pub(crate) fn owner(&self, hit: &RayHit) -> &Owner {
         &self.item(hit.instance_id).owner
     }
@@ -156,7 +157,7 @@ impl Window {
         about.into_iter().map(|(_, index)| index).collect()
     }
 
-    /// The object with a number, if it is here.
+    /// The object with a number, if it is in this window.
     pub(crate) fn object(&self, id: u32) -> Option<Arc<Object>> {
         let moving = self.moving.iter().map(|(item, _)| item);
         self.still.items.iter().chain(moving).find_map(|item| match &item.owner {
@@ -174,7 +175,8 @@ impl Window {
         let mut best = RayHit::none();
         for &index in about {
             let item = self.item(index);
-            // The item is where it is in the middle of the moment. Therefore the ray moves against it.
+            // The item stays at its place in the middle of the moment. Therefore the ray is shifted against
+            // its motion.
             ray.origin = start - item.velocity * beam.late;
             if item.bounds.intersect_ray(&ray) >= ray.tmax {
                 continue;
@@ -276,7 +278,7 @@ mod tests {
             let (surface, point) = window.surface(&hit, &beam);
             assert!((surface.normal.x.abs() - 1.0).abs() < 1e-5 && (point.x + 1.0).abs() < 1e-4);
         }
-        // It has left this line, or has not come to it yet.
+        // The copy has left this line, or has not reached it yet.
         let beam = |late| Beam { origin: Vec3A::new(51.9, -9.0, 0.0), direction: Vec3A::Y, late };
         let met = |late| window.hit(&window.about(&beam(late), 100.0), &beam(late), 0.0, 100.0).is_some();
         assert!(met(-0.05) && !met(-0.04) && !met(0.1));

@@ -1,5 +1,5 @@
-//! The solids and surfaces of the scene and their intersections with rays, in the frame of a model. No
-//! transforms, no physics of materials.
+//! The solids and surfaces of the scene and their intersections with rays, in the frame of a model.
+//! Transforms and the physics of materials are elsewhere.
 //!
 //! A hit is the smallest `t` in (tmin, tmax) with `origin + t direction` on the surface, or infinity.
 //! Directions need not have length one: a ray can be transformed into a scaled model without changing `t`.
@@ -49,12 +49,12 @@ pub(crate) struct Surface {
 }
 
 impl Shape {
-    /// The shape, of the material of this name.
+    /// A primitive of this shape, made of the material with this name.
     pub(crate) fn of(self, name: &str) -> Primitive {
         Primitive { shape: self, material: material(name) }
     }
 
-    /// The same with its points elsewhere.
+    /// The same shape with its points mapped.
     pub(crate) fn map(&self, to: impl Fn(Vec3) -> Vec3) -> Self {
         match *self {
             Self::Triangle(corners) => Self::Triangle(corners.map(to)),
@@ -148,8 +148,8 @@ fn root(ray: &Ray, start: f32, [a, b, c]: [f32; 3], accept: impl Fn(f32) -> bool
 
 fn hit_rod(ray: &Ray, base: Vec3A, axis: Vec3A, [r0, r1]: [f32; 2]) -> f32 {
     let d = ray.direction;
-    // Start at the point of the ray that is nearest to the centre. In f32, the square of a range of 100 m
-    // would swamp the square of a radius of 1 cm.
+    // Distances are counted from the point of the ray nearest to the centre. In f32, the square of a range of
+    // 100 m would swamp the square of a radius of 1 cm.
     let start = (base + axis * 0.5 - ray.origin).dot(d) / d.length_squared();
     let p = ray.origin + d * start - base;
     let h = axis.length_squared();
@@ -219,7 +219,7 @@ mod tests {
         let cone = Shape::Rod(Vec3::ZERO, Vec3::Z * 2.0, [1.0, 0.0]);
         check(&cone, [-10.0, 0.0, 1.0], [1.0, 0.0, 0.0], 9.5); // radius 0.5 half way up
         check(&cone, [-10.0, 0.0, -0.5], [1.0, 0.0, 0.0], MISS); // not the mirrored half
-        // A wire of 8 mm radius from 80 m away: 80 - 0.008.
+        // A wire of 8 mm radius, 80 m away: 80 - 0.008.
         let wire = Shape::Rod(Vec3::new(80.0, -20.0, 7.0), Vec3::new(80.0, 20.0, 7.0), [0.008, 0.008]);
         check(&wire, [0.0, 0.0, 7.0], [1.0, 0.0, 0.0], 79.992);
         check(&wire, [0.0, 0.0, 7.009], [1.0, 0.0, 0.0], MISS);

@@ -1,7 +1,7 @@
-//! The axis of the street in plan: a sequence of arcs. No heights, no cross-section.
+//! The axis of the street in plan: a sequence of arcs. Heights and cross-section are elsewhere.
 //!
 //! Coordinates are metres from the street's origin, east and north; chainage `s` counts along the axis. An
-//! arc of 50 m takes 56 bytes. Of everything else, only the list of what was seen moving grows with a drive.
+//! arc of 50 m takes 56 bytes. Apart from the axis, only the list of seen moving things grows with a drive.
 
 use std::f64::consts::FRAC_PI_6;
 
@@ -16,7 +16,7 @@ pub(crate) const CELL: f64 = 50.0;
 pub(crate) const LEAD: f64 = 100.0;
 /// Length of the stretch that the `loop` preset drives twice, metres.
 pub(crate) const STEM: f64 = 300.0;
-/// Least curvature of an arc, 1/m: its radius is so large that the arc is straight in practice.
+/// Smallest curvature of an arc, 1/m: the radius is so large that the arc is straight in practice.
 const STRAIGHT: f64 = 1e-9;
 
 /// A point of the axis.
@@ -33,7 +33,7 @@ impl Node {
         self.point + self.way.perp() * offset
     }
 
-    /// How far a point is ahead and to the left.
+    /// Distances by which a point is ahead and to the left.
     fn local(&self, point: DVec2) -> DVec2 {
         let arm = point - self.point;
         DVec2::new(self.way.dot(arm), self.way.perp_dot(arm))
@@ -122,7 +122,7 @@ impl Line {
 /// The axis of the whole street.
 #[derive(Debug)]
 pub(crate) struct Axis {
-    /// The part that is laid already.
+    /// The part of the axis that is already laid.
     pub(crate) line: Line,
     /// Heading of an open street.
     heading: Waves<2>,
@@ -131,8 +131,8 @@ pub(crate) struct Axis {
 }
 
 impl Axis {
-    /// An open street with bends of this amplitude (radians) and wave length, or a street that returns to its
-    /// stem after `loop_drive` metres in all.
+    /// An open street with bends of this amplitude (radians) and wavelength (metres), or a street that
+    /// returns to its stem, with a drive of `loop_drive` metres in all.
     pub(crate) fn new(seed: u64, (turn, length): (f64, f64), loop_drive: Option<f64>) -> Self {
         let parts = [(turn, length), (0.15 * turn, 0.37 * length)];
         let heading = Waves::new(parts, &mut sequence(seed, 1, 0));
@@ -164,7 +164,7 @@ impl Axis {
         self.reach(s + reach + 3.0 * CELL);
         let place = self.line.at(s).point;
         let middle = |cell: &usize| self.line.at((*cell as f64 + 0.5) * CELL).point;
-        // All cells are checked, because a street may return. This takes some ten nanoseconds per cell, once
+        // All cells are checked, because a street may return. This takes about ten nanoseconds per cell, once
         // per ten metres of driving.
         let cells = 0..(self.line.end() / CELL).ceil() as usize;
         cells.filter(|cell| middle(cell).distance(place) < reach).collect()

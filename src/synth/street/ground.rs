@@ -14,8 +14,8 @@ const ROW: f64 = 2.0;
 /// Distance beyond the pavement over which the height of the axis turns into the height of the land, metres.
 const BLEND: f64 = 10.0;
 
-/// The ground is wet where a sum of three waves of amplitude 1 is larger. This is so on 2 % of the plane, in
-/// patches of about a metre (chosen, because dry roads have few points below them in real scans).
+/// Value above which a sum of three waves of amplitude 1 makes the ground wet. This is so on 2 % of the
+/// plane, in patches of about a metre (chosen, because dry roads have few points below them in real scans).
 const WET: f64 = 2.4;
 
 impl Plan {
@@ -26,8 +26,8 @@ impl Plan {
         let d = offset.abs();
         let beyond = d - section.walk;
         let over = smooth(beyond / BLEND);
-        // Land and slopes depend on the place, not on the chainage. Where a street returns, both parts
-        // therefore agree.
+        // Land and slopes depend on the place, not on the chainage. So both parts agree where a street
+        // returns.
         let on_axis = node.point;
         let here = node.left(offset);
         let base = self.land.over(on_axis) * (1.0 - over) + self.land.over(here) * over;
@@ -92,7 +92,7 @@ impl Ground {
     }
 
     /// A point of the mesh in its frame, and whether it lies well within another part of the street. If the
-    /// axis of that part is nearer, its height applies.
+    /// axis of the other part is nearer, its height applies.
     fn vertex(&self, s: f64, offset: f64) -> (Vec3, bool) {
         let mut point = self.at(DVec2::new(s, offset));
         let mut nearer = 0.0;

@@ -22,11 +22,11 @@ use crate::synth::scene::{Owner, Placed};
 use crate::synth::things::object::{Object, Place};
 use crate::synth::things::truth::Truth;
 
-/// Object numbers that each cell has for itself.
+/// Number of object numbers that each cell has for itself.
 pub(crate) const IDS: u32 = 1_000;
 
-/// Opening behind the pieces of an object along the street, metres: access for a vehicle. Without it, rails
-/// and hedges that touch each other would look like one object but have several numbers.
+/// Length of the opening after the pieces of an object along the street, metres: access for a vehicle.
+/// Without it, rails and hedges that touch each other would look like one object but have several numbers.
 const OPENING: f64 = 5.0;
 
 /// Models by kind.
@@ -36,15 +36,15 @@ pub(crate) type Library = BTreeMap<String, Vec<Arc<Model>>>;
 struct Site<'a> {
     library: &'a Library,
     ground: Arc<Ground>,
-    /// Where something stands already, and the number of the object.
+    /// Footprints of the things that already stand, with the numbers of their objects.
     taken: Vec<(Footprint, u32)>,
     last_id: u32,
     placed: Vec<Placed>,
 }
 
-/// What a thing takes of the ground: a rectangle along the street, and what is within a distance of it.
-/// Things whose footprints meet would be inside each other. In a bend, the metres along the street are those
-/// of the axis. Things of two cells do not know each other.
+/// The area of the ground that a thing takes: a rectangle along the street, and everything within a distance
+/// of it. Things whose footprints meet would be inside each other. In a bend, metres along the street are
+/// measured on the axis. Things of different cells are not compared.
 #[derive(Clone, Copy)]
 struct Footprint {
     /// Chainage and offset of the middle, and half of the lengths along and across the street, metres.
@@ -54,7 +54,7 @@ struct Footprint {
 }
 
 impl Footprint {
-    /// That of a thing of a kind at a place. `None` if it hangs.
+    /// The footprint of a thing of this kind at a place. `None` if the thing hangs.
     fn of(kind: &Kind, middle: DVec2) -> Option<Self> {
         let radius = kind.radius?;
         let long = kind.span > 0.0;
@@ -62,7 +62,7 @@ impl Footprint {
         Some(Self { middle, half, radius: if long { 0.0 } else { radius } })
     }
 
-    /// That of a building. `front` is the middle of its side towards the street.
+    /// The footprint of a building. `front` is the middle of its side towards the street.
     fn of_building(front: DVec2, width: f64, depth: f64) -> Self {
         let half = DVec2::new(width, depth) / 2.0;
         Self { middle: front + DVec2::new(0.0, half.y.copysign(front.y)), half, radius: 0.0 }
@@ -115,7 +115,7 @@ impl Site<'_> {
             });
             let goes_on = shared.random_bool(row.share) && nth as f64 + missing < together as f64;
             let grounded = if row.bridge { plan.dip(s) > 0.4 } else { !kind.rooted || plan.dip(s) <= 0.0 };
-            // What stands in the next cell is not known here.
+            // The things of the next cell are not known here.
             let long = kind.span > 0.0 && kind.radius.is_some();
             let within = !long || ends.into_iter().all(|s| (start..=start + CELL).contains(&s));
             if !goes_on || !grounded || !within || !ends.into_iter().all(on_street) {
@@ -139,7 +139,7 @@ impl Site<'_> {
             let class = kind.class;
             let base = self.ground.at(place);
             let height = f64::from(model.height() * tall);
-            // A thing with a span leads from end to end. A thing without one stands level.
+            // A thing with a span leads from one end to the other. A thing without a span stands level.
             let (at, way) = if kind.span > 0.0 {
                 let [from, to] = ends.map(|s| self.ground.at(line(s)));
                 ((from + to) * 0.5, (to - from) / kind.span)
@@ -177,7 +177,7 @@ impl Site<'_> {
         place.x <= ground.end && !over_dip && !crowded
     }
 
-    /// Whether nothing stands there, except the object `own`.
+    /// Whether no thing stands there, except parts of the object `own`.
     fn free(&self, footprint: &Footprint, own: Option<u32>) -> bool {
         !self.taken.iter().any(|(other, id)| Some(*id) != own && other.meets(footprint))
     }
@@ -213,7 +213,7 @@ mod tests {
     use crate::synth::street::preset::Preset;
     use crate::synth::things;
 
-    /// Number, place and direction of every piece of what is led along the street, without cars and wires.
+    /// Number, place and direction of every piece that leads along the street, without cars and wires.
     fn pieces(preset: Preset) -> Vec<(u32, DVec3, DVec2)> {
         let plan = Plan::new(preset, 3);
         let mut axis = Axis::new(plan.seed, plan.bends, None);
@@ -242,7 +242,7 @@ mod tests {
                         continue;
                     }
                     neighbours += usize::from(id != other);
-                    // Pieces are 2.5 m long and the opening is 5 m, on the inside of a bend less.
+                    // Pieces are 2.5 m long and the opening is 5 m; both are shorter on the inside of a bend.
                     assert!(id == other || along > 6.0, "{preset:?}: {id} and {other} are {along} m apart");
                 }
             }
@@ -250,7 +250,8 @@ mod tests {
         }
     }
 
-    /// Bins and people stood inside parked cars once, and bushes inside hedges. Nobody can tell those apart.
+    /// An earlier version put bins and people inside parked cars, and bushes inside hedges. Nobody can
+    /// distinguish these.
     #[test]
     fn nothing_of_a_cell_stands_inside_what_is_longer_than_wide() {
         let of = |name: &'static str| name.split('_').next().unwrap();

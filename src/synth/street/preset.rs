@@ -41,7 +41,7 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// All of them, in the order in which help lists them.
+    /// All presets, in the order in which help lists them.
     pub const ALL: [Self; 11] = [
         Self::Suburb,
         Self::Downtown,
@@ -81,15 +81,16 @@ impl Preset {
 pub(crate) struct Kind {
     /// Class code, as in the labelled scenes.
     pub(crate) class: u8,
-    /// Distance kept from other things, metres: from its middle, or from the line along its span. `None`: it
-    /// hangs, and things stand below it, or it is a building, which keeps off with its lot.
+    /// Distance kept from other things, metres: from its middle, or from the line along its span. `None` for
+    /// things that hang, because others stand below them, and for buildings, which keep their distance by
+    /// their lots.
     pub(crate) radius: Option<f64>,
     /// Range of the angle by which models are turned from facing away from the road, degrees.
     pub(crate) turn: (f64, f64),
     /// Relative variation of the width and the height of models.
     pub(crate) varies: f32,
-    /// Span along the street, metres: the thing leads from end to end of it in plan and height. 0: it stands
-    /// level.
+    /// Span along the street, metres: the thing leads from one end of the span to the other in plan and
+    /// height. 0 if it stands level.
     pub(crate) span: f64,
     /// Whether it must not stand on a bridge.
     pub(crate) rooted: bool,
@@ -106,7 +107,8 @@ pub(crate) struct Row {
     at: Section,
     /// Distance from there outwards, metres.
     out: f64,
-    /// Distance between the places along the axis, metres; where they begin; the largest random shift.
+    /// Metres along the axis: the distance between the places, where they start, and the largest random
+    /// shift.
     pub(crate) every: f64,
     #[serde(default)]
     pub(crate) from: f64,
@@ -114,10 +116,10 @@ pub(crate) struct Row {
     pub(crate) jitter: f64,
     /// Share of the places that are taken.
     pub(crate) share: f64,
-    /// How many successive places are either all taken or all empty.
+    /// Number of successive places that are either all taken or all empty.
     pub(crate) together: Option<u64>,
-    /// If those places form one object: share of its pieces that may be missing at its end. At least an
-    /// opening is.
+    /// If these places form one object: share of its pieces that may be missing at its end. At least an
+    /// opening is missing.
     pub(crate) joined: Option<f64>,
     /// Whether it stands on the left only.
     #[serde(default)]
@@ -136,7 +138,7 @@ impl Row {
     }
 }
 
-/// A lane in which things move along the street. It has one side of the street: traffic keeps to the right.
+/// A lane in which things move along the street. It is on one side of the street: traffic keeps to the right.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Lane {
@@ -151,7 +153,7 @@ pub(crate) struct Lane {
     pub(crate) jitter: f64,
     /// Share of the places that are taken.
     pub(crate) share: f64,
-    /// Range from which the lane's speed is drawn; negative against the direction of the drive.
+    /// Range from which the speed of the lane is drawn; negative if against the direction of the drive.
     pub(crate) speed_kmh: (f64, f64),
 }
 
@@ -171,7 +173,7 @@ fn along(at: &Section, out: f64, section: &Section) -> f64 {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Lot {
-    /// How much further back than its row a front may stand, metres.
+    /// Largest distance of a front behind its row, metres.
     pub(crate) setback: f64,
     /// Share of a lot's length that the front takes.
     pub(crate) front: (f64, f64),
@@ -182,7 +184,7 @@ pub(crate) struct Lot {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Layout {
-    /// Amplitude and wave length of the bends (radians; metres) and of the hills (metres).
+    /// Amplitude and wavelength of the bends (radians; metres) and of the hills (metres).
     bends: (f64, f64),
     hills: (f64, f64),
     pub(crate) section: Section,
@@ -205,7 +207,7 @@ pub(crate) struct Tables {
 
 pub(crate) static TABLES: LazyLock<Tables> = LazyLock::new(|| shipped(include_str!("presets.toml")));
 
-// They are here and not in the scanner's module, which uses no table.
+// This is here, because the module of the scanner does not use the tables.
 impl Scanner {
     /// The ready-made scanner.
     #[must_use]
@@ -227,7 +229,7 @@ pub(crate) fn kind(name: &str) -> &'static Kind {
 
 /// Number of successive cells with one layout in the `mixed` preset: 350 m.
 const STRETCH: usize = 7;
-/// Half length of the dip under a bridge, metres, and its depth.
+/// Half of the length of the dip under a bridge, and its depth, metres.
 const DIP: (f64, f64) = (32.0, 5.5);
 
 /// The kind of street at every chainage; a pure function of preset and seed.
@@ -240,13 +242,13 @@ pub(crate) struct Plan {
     pub(crate) land: Waves<3>,
     /// Amplitude of the slopes beside the street, as a share of the section's amplitude.
     pub(crate) slopes: Waves<2>,
-    /// Where the road is wet, this is above a limit.
+    /// The road is wet where this is above a limit.
     pub(crate) wet: Waves<3>,
 }
 
 impl Plan {
     pub(crate) fn new(preset: Preset, seed: u64) -> Self {
-        // Where streets change, the land is that of a suburb.
+        // If streets change, the land is that of a suburb.
         let land = if matches!(preset, Preset::Mixed | Preset::Loop) { Preset::Suburb } else { preset };
         let Layout { bends, hills: (height, length), .. } = TABLES.streets[&land];
         let mut random = sequence(seed, 3, 0);
@@ -257,8 +259,8 @@ impl Plan {
         Self { preset, seed, bends, land, slopes, wet }
     }
 
-    /// The lanes of moving traffic. Where streets change, they are those of a suburb, because what moves goes
-    /// on from one street to the next. A loop has none: the vehicle drives in both lanes of its stem.
+    /// The lanes of moving traffic. If streets change, the lanes are those of a suburb, because traffic
+    /// continues from one street to the next. A loop has none: the vehicle drives in both lanes of its stem.
     pub(crate) fn traffic(&self) -> &'static [Lane] {
         match self.preset {
             Preset::Loop => &[],
@@ -270,7 +272,7 @@ impl Plan {
     /// The layout of a cell.
     pub(crate) fn layout(&self, cell: usize) -> &'static Layout {
         let street = match self.preset {
-            // The first four in turn. The seed chooses which begins.
+            // The first four in turn. The seed chooses the first one.
             Preset::Mixed => Preset::ALL[(cell / STRETCH + (self.seed % 4) as usize) % 4],
             Preset::Loop => Preset::Suburb,
             other => other,
@@ -278,8 +280,8 @@ impl Plan {
         &TABLES.streets[&street]
     }
 
-    /// The cross-section at chainage `s`: that of the cell. In the first half of the cell it is blended from
-    /// that of the cell before.
+    /// The cross-section at chainage `s`: the one of the cell. In the first half of the cell, it is blended
+    /// from the one of the previous cell.
     pub(crate) fn section(&self, s: f64) -> Section {
         let cell = cell_at(s);
         let [before, here] = [cell.saturating_sub(1), cell].map(|cell| &self.layout(cell).section);

@@ -6,8 +6,8 @@ use serde::Deserialize;
 /// Width of a kerb's face or of another step, metres.
 pub(crate) const FACE: f64 = 0.03;
 
-/// Half of a cross-section. All widths are distances from the axis in metres; none is smaller than the one
-/// before.
+/// Half of a cross-section. All widths are distances from the axis in metres; none is smaller than the
+/// previous one.
 #[derive(Debug, Clone, Copy, Default, Deserialize, Pod, Zeroable)]
 #[repr(C)]
 #[serde(default, deny_unknown_fields)]

@@ -1,4 +1,4 @@
-//! Moving traffic: what moves along the street, and where it is at any time. Nothing that stands.
+//! Moving traffic: which things move along the street, and where they are at any time.
 //!
 //! A lane is an endless row of places, and all of them move along the axis with one speed. Whether a place is
 //! taken, and by what, depends on its number alone. So traffic is a pure function of (plan, time).
@@ -16,17 +16,17 @@ use crate::synth::street::Library;
 use crate::synth::things::object::{Object, Place};
 use crate::synth::things::truth::Truth;
 
-/// Numbers of moving objects: the first one, and how many a lane has. A street of 2,000 km has 40 million
-/// numbers for what stands.
+/// Numbers of moving objects: the first one, and the count per lane. A street of 2,000 km uses 40 million
+/// numbers for standing objects.
 const FIRST_ID: i64 = 1_000_000_000;
 const IDS: i64 = 100_000_000;
-/// A second head passes a moving thing at another time, when it is elsewhere. What it sees is an object of
-/// its own, whose number is so much larger.
+/// Difference between the numbers of a moving object as two heads see it. The second head passes the thing at
+/// another time, when the thing is elsewhere, so it sees an object of its own.
 const IDS_OF_HEAD: u32 = 1_000_000_000;
-/// Streams of random numbers: of the speed of a lane, and of the places of the first lane.
+/// Streams of random numbers: for the speeds of the lanes, and for the places of the first lane.
 const SPEEDS: u64 = 40;
 const PLACES: u64 = 3_000;
-/// Length over which a thing that stands level finds its direction, metres.
+/// Length over which the direction of a thing without a span is found, metres.
 const STEP: f64 = 1.0;
 
 /// The number of an object as a head sees it.
@@ -37,14 +37,14 @@ pub(crate) fn seen_by(object: &Object, head: usize) -> u32 {
     }
 }
 
-/// The number of the object that a head sees as this number.
+/// The number of the object that a head sees under the number `seen`.
 pub(crate) fn whose(seen: u32) -> u32 {
     let first = FIRST_ID as u32;
     if seen < first { seen } else { first + (seen - first) % IDS_OF_HEAD }
 }
 
-/// What moves at a time within a distance of a point of the plane. The axis is laid there. Velocities are
-/// those within `half` seconds before and after that time. `s` is the chainage of the point.
+/// The moving things at time `t` within `reach` of a point of the plane, where the axis is laid. Velocities
+/// are means over `half` seconds before and after `t`. `s` is the chainage of the point.
 pub(crate) fn moving(
     plan: &Plan,
     axis: &Line,
@@ -65,7 +65,7 @@ pub(crate) fn moving(
                 continue;
             }
             let way = Way { plan, axis, lane, start: place as f64 * lane.every + jitter, speed };
-            // Before its start there is no street.
+            // There is no street before its start.
             if way.chainage(t) < 5.0 || way.at(t).truncate().distance(point) > reach {
                 continue;
             }
@@ -83,7 +83,7 @@ fn speed(plan: &Plan, number: u64, lane: &Lane) -> f64 {
     (slow + (fast - slow) * share) / 3.6
 }
 
-/// The way of a thing through time.
+/// The motion of a thing.
 struct Way<'a> {
     plan: &'a Plan,
     axis: &'a Line,
@@ -109,7 +109,7 @@ impl Way<'_> {
         self.on_lane(self.chainage(t))
     }
 
-    /// The thing that takes this way.
+    /// The thing with this motion at time `t`.
     fn thing(&self, library: &Library, id: u32, (t, half): (f64, f64), random: &mut Random) -> Moving {
         let name: &'static String = pick(&self.lane.names, random);
         let kind = kind(name);
@@ -149,7 +149,7 @@ mod tests {
     use crate::synth::street::preset::Preset;
     use crate::synth::things;
 
-    /// Number, position and velocity of what moves around chainage 500 at a time.
+    /// Number, position and velocity of the things that move around chainage 500 at time `t`.
     fn around(preset: Preset, seed: u64, t: f64) -> BTreeMap<u32, (DVec3, DVec3)> {
         let plan = Plan::new(preset, seed);
         let mut axis = Axis::new(seed, plan.bends, None);

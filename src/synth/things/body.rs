@@ -1,7 +1,7 @@
-//! Bodies of cars: no two sizes alike, and rounded.
+//! Bodies of cars: rounded, and of different sizes.
 //!
-//! The entries of `things.toml` have flat sides, and one size per kind. Cars of real scans have neither:
-//! there are city cars of 2.7 m, and their ends, sides, bonnets and roofs are curved. Models that learned
+//! The entries of `things.toml` have flat sides, and one size per kind. Cars in real scans differ in size
+//! (there are city cars of 2.7 m), and their ends, sides, bonnets and roofs are curved. Models that learned
 //! from flat cars alone took some of them for trees (`benches/results/street.md`, "Cars of real scenes"). So
 //! every model of a body is stretched by chance, and its large faces are cut into small triangles and bent.
 
@@ -12,29 +12,30 @@ use serde::Deserialize;
 use crate::synth::random::Random;
 use crate::synth::scene::shape::{Primitive, Shape};
 
-/// Longest edge of a triangle before it is bent, metres. The curves below differ from the middle of such an
-/// edge by 3 mm (median), and by 3 cm at most, at the corners of the ends.
+/// Longest edge of a triangle before it is bent, metres. The curves below deviate from the middle of such an
+/// edge by 3 mm (median), and by at most 3 cm, at the corners of the ends.
 const LONGEST_EDGE_M: f32 = 0.5;
 /// How far the corners of the ends lie behind their middle, metres.
 const BOW_M: f32 = 0.16;
-/// Share of the width that the ends lose.
+/// Share of the width by which the ends are narrower.
 const TAPER: f32 = 0.1;
-/// Share of the width that the sides lose at sill and shoulder, and the heights of their widest place and of
-/// the sill below it, metres.
+/// Share of the width by which the sides are narrower at sill and shoulder, and the heights of their widest
+/// place and of the sill below it, metres.
 const BULGE: f32 = 0.05;
 const WIDEST_M: f32 = 0.65;
 const SILL_M: f32 = 0.2;
-/// How far bonnet and roof fall from the middle to the full width, metres, and the heights between which
-/// this begins: what is lower stays.
+/// How far bonnet and roof fall from the middle to the full width, metres, and the heights between which this
+/// fall sets in: lower parts stay.
 const CROWN_M: f32 = 0.06;
 const CROWNED_M: (f32, f32) = (0.5, 0.9);
-/// What is lower keeps its height when a body is stretched, so that its wheels stay on the ground.
+/// Height below which parts keep their height when a body is stretched, metres, so that its wheels stay on
+/// the ground.
 const SILLS_M: f32 = 0.35;
 
-/// A block whose edges are not longer stays a block, metres.
+/// Longest edge of a block that stays a block, metres.
 const SMALL_M: f32 = 1.0;
 
-/// Ranges of the factors by which a model of a body is longer, wider and higher than its entry.
+/// Ranges of the factors by which the length, width and height of a model of a body differ from its entry.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Body {
@@ -44,7 +45,7 @@ pub(crate) struct Body {
 }
 
 impl Body {
-    /// The primitives of an entry as those of one model.
+    /// The primitives of one model, from the primitives of an entry.
     pub(crate) fn of(&self, primitives: &[Primitive], random: &mut Random) -> Vec<Primitive> {
         let factor = |(least, most): (f32, f32), random: &mut Random| random.random_range(least..=most);
         let stretch =
@@ -58,7 +59,8 @@ impl Body {
     }
 }
 
-/// Where a point of a flat body lies on the rounded one. `half` are the largest distances from its middle.
+/// The place of a point of a flat body on the rounded body. `half` are the largest distances from the middle
+/// of the body.
 fn bent(point: Vec3, half: Vec3) -> Vec3 {
     let Vec3 { x, y, z } = point;
     let [u, v] = [x / half.x, y / half.y];
@@ -77,7 +79,7 @@ fn stretched(point: Vec3, stretch: Vec3) -> Vec3 {
     vec3(point.x * stretch.x, point.y * stretch.y, point.z + above * (stretch.z - 1.0))
 }
 
-/// The parts of a rounded body that a primitive becomes. Wheels, seats and plates only move.
+/// The parts of a rounded body that replace a primitive. Wheels, seats and plates only move.
 fn pieces(primitive: &Primitive, to: &impl Fn(Vec3) -> Vec3) -> Vec<Primitive> {
     let of = |shape| Primitive { shape, material: primitive.material };
     match primitive.shape {
@@ -162,7 +164,8 @@ mod tests {
                 assert!(longest <= LONGEST_EDGE_M, "{longest}");
             }
         }
-        // The same points on the edge between the two, so that nothing gapes when they are bent.
+        // The two parts share the same points on the edge between them, so that no gap opens when they are
+        // bent.
         let between = parts.map(|parts| {
             let on_edge = |point: &Vec3| (*point - a).cross(c - a).length() < 1e-4;
             let mut found: Vec<[u32; 3]> = parts
@@ -199,7 +202,7 @@ mod tests {
         assert!((0.04..0.06).contains(&(bonnet[0] - bonnet[1])), "{bonnet:?}");
         let sides = [0.3, WIDEST_M, 1.0].map(|z| bent(vec3(0.0, 0.9, z), half).y);
         assert!((sides[1] - 0.9).abs() < 1e-6 && sides[0] < 0.88 && sides[2] < 0.88, "{sides:?}");
-        // Wheels stay on the ground, and what is higher rises with the height.
+        // Wheels stay on the ground, and higher parts rise with the height.
         let high = vec3(1.0, 1.0, 1.1);
         for (z, expected) in [(0.32, 0.32), (1.35, 1.45)] {
             assert!((stretched(vec3(1.0, 0.0, z), high).z - expected).abs() < 1e-6, "{z}");
@@ -214,7 +217,8 @@ mod tests {
                 for model in models {
                     let bounds = model.bounds();
                     let size = bounds.max - bounds.min;
-                    // Parked cars have places of 5.1 m, and keep 1.02 m from their middle to the sides.
+                    // Parked cars have places of 5.1 m, and keep a distance of 1.02 m from their middle to
+                    // the sides.
                     assert!(size.x < 5.05 && size.y < 2.04, "{name}: {size}");
                     assert!(bounds.min.z.abs() < 0.01 && (1.3..2.3).contains(&size.z), "{name}: {size}");
                     lengths.push(size.x);

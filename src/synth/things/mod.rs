@@ -69,8 +69,8 @@ pub(crate) fn models(seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     models_of(&THINGS, seed)
 }
 
-/// The models of a table. Every name has a random sequence of its own, so that a new name changes no other
-/// one.
+/// The models of a table. Every name has a random sequence of its own, so that a new name does not change the
+/// models of other names.
 fn models_of(table: &BTreeMap<String, Vec<Thing>>, seed: u64) -> BTreeMap<String, Vec<Arc<Model>>> {
     let kind = |(name, things): (&String, &Vec<Thing>)| {
         let mut random = named(seed, name);
@@ -83,7 +83,7 @@ fn models_of(table: &BTreeMap<String, Vec<Thing>>, seed: u64) -> BTreeMap<String
 }
 
 impl Thing {
-    /// Number of its models.
+    /// Number of models of the entry.
     fn models(&self) -> u8 {
         self.models.unwrap_or(1)
     }
@@ -130,8 +130,8 @@ impl Hull {
     fn triangles(&self, number: usize) -> impl Iterator<Item = Primitive> {
         let span = move |ends: &[Vec3]| {
             let [first, a, b] = [self.outline[0], ends[0], ends[1]];
-            // Each point is mirrored once. Where it was mirrored twice, rustc 1.95 lost the sign of one of
-            // the two in profile `quick`.
+            // Each point is mirrored only once. When each was mirrored twice, rustc 1.95 lost the sign of one
+            // of the two in profile `quick`.
             let [far_first, far_a, far_b] = [first, a, b].map(|point| point * Vec3::new(1.0, -1.0, 1.0));
             [[first, a, b], [far_first, far_a, far_b], [a, b, far_b], [a, far_b, far_a]]
         };
@@ -156,7 +156,7 @@ mod tests {
         let parse = |text: &str| shipped::<BTreeMap<String, Vec<Thing>>>(text);
         let text = include_str!("things.toml");
         let before = models_of(&parse(text), 5);
-        // It sorts before all others, and chance has an influence on it.
+        // The new name sorts before all others, and its models use random numbers.
         let new =
             "[[aaa]]\nmodels = 2\nparts = [{ of = \"leaf\", block = [[0, 0, 0], [1, 1, 1]], leaves = 9 }]\n";
         let after = models_of(&parse(&format!("{text}\n{new}")), 5);

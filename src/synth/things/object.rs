@@ -7,9 +7,9 @@ use super::truth::Truth;
 /// Where an object is.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Place {
-    /// Its foot, metres from the street's origin, at a chainage.
+    /// The object stands: its foot in metres from the street's origin, at a chainage.
     Stands { base: DVec3, s: f64 },
-    /// It is in another place at any time. Its speed is in km/h.
+    /// The object moves, with this speed in km/h.
     Moves { speed_kmh: f64 },
 }
 
@@ -22,6 +22,6 @@ pub(crate) struct Object {
     pub(crate) kind: &'static str,
     pub(crate) place: Place,
     pub(crate) height: f64,
-    /// What an inventory should find.
+    /// The true measures that an inventory should find.
     pub(crate) truth: Truth,
 }

@@ -31,7 +31,7 @@ pub(crate) struct Level {
 /// Amount by which a stem turns at random from its foot to its end.
 const WANDER: f32 = 0.1;
 
-/// A Bézier curve from the first number to the last, drawn towards the middle one.
+/// A Bézier curve from the first number to the last, with the middle one as its control point.
 #[derive(Debug, Deserialize)]
 struct Curve(f32, f32, f32);
 
@@ -103,7 +103,8 @@ mod tests {
         struct Habit {
             growth: Vec<Level>,
         }
-        // A trunk of 10 m, three level branches of 2 m in its upper half, four leaves at the end of each.
+        // A trunk of 10 m, with three horizontal branches of 2 m in its upper half and four leaves at the end
+        // of each.
         let text = r#"growth = [
             { of = "bark", count = 1, along = [0, 0], turn = 0, rise = [90, 90, 90], length = [10, 10, 10], radius = [0.02, 0.01, 0], pieces = 2, bend = 0 },
             { of = "bark", count = 3, along = [0.5, 1], turn = 120, rise = [0, 0, 0], length = [0.2, 0.2, 0.2], radius = [0.03, 0.02, 0.01], pieces = 1, bend = 0, leaves = [4, 0.05, 0] },

@@ -1,4 +1,4 @@
-//! True measures of trees and poles, from the models that were placed: what an inventory should find.
+//! True measures of trees and poles, from the placed models: the values that an inventory should find.
 
 use glam::{Mat3A, Vec3, Vec3A};
 
@@ -6,20 +6,20 @@ use crate::model::convex_hull;
 use crate::synth::scene::model::Model;
 use crate::synth::scene::shape::Shape;
 
-/// Classes of which stems are known.
+/// Classes of objects whose stems are known.
 const TREE: u8 = 2;
 const POLE: u8 = 3;
 /// Breast height over the foot, metres.
 const BREAST_HEIGHT: f32 = 1.3;
-/// Height over the foot up to which the stem of a tree is followed, metres.
+/// Largest height over the foot to which the stem of a tree is followed, metres.
 const STEM_HEIGHT: f32 = 4.0;
-/// Two ends that are nearer than this are the same joint, metres.
+/// Distance below which two ends are the same joint, metres.
 const JOINT: f32 = 1e-4;
 
-/// What is true of a tree or a pole; `None` where it has no such thing.
+/// The true measures of a tree or a pole; `None` if it does not have one.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Truth {
-    /// Mean of the longest extent of leaves and branches in the plane and that across it, metres.
+    /// Mean of the longest extent of leaves and branches in the plane and of the extent across it, metres.
     pub(crate) crown_diameter: Option<f64>,
     /// Diameter of the stem at breast height, metres.
     pub(crate) dbh: Option<f64>,
@@ -29,7 +29,8 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    /// Of a model that is turned and stretched so. Its foot is its origin.
+    /// The true measures of a model that is turned and stretched by `turn`. The foot of the model is its
+    /// origin.
     pub(crate) fn of(class: u8, model: &Model, turn: Mat3A) -> Self {
         if ![TREE, POLE].contains(&class) {
             return Self::default();
@@ -51,7 +52,7 @@ impl Truth {
     }
 }
 
-/// Where a stem ends, or is at a height.
+/// The place of a stem at this height, or its end if it ends below.
 fn end_below(stem: &[(Vec3, f32)], height: f32) -> Option<Vec3> {
     let ends = stem.windows(2).find(|ends| ends[1].0.z > height);
     match ends {
@@ -63,8 +64,8 @@ fn end_below(stem: &[(Vec3, f32)], height: f32) -> Option<Vec3> {
     }
 }
 
-/// The rods from the origin on, each the thickest at the end of the one before: joints and horizontal radii
-/// there, turned and stretched.
+/// The rods from the origin on, each the thickest one at the end of the previous one: their joints and the
+/// horizontal radii there, turned and stretched.
 fn stem(model: &Model, turn: Mat3A) -> Vec<(Vec3, f32)> {
     let wide = (turn * Vec3A::X).length();
     let mut joints: Vec<(Vec3, f32)> = Vec::new();
@@ -89,7 +90,7 @@ fn stem(model: &Model, turn: Mat3A) -> Vec<(Vec3, f32)> {
     }
 }
 
-/// Mean of the longest extent of all parts in the plane and that across it.
+/// Mean of the longest extent of all parts in the plane and of the extent across it.
 fn crown_diameter(model: &Model, turn: Mat3A) -> f64 {
     let mut places: Vec<[i64; 2]> = Vec::new();
     let mut add = |place: Vec3| {
@@ -99,7 +100,7 @@ fn crown_diameter(model: &Model, turn: Mat3A) -> f64 {
     for part in &model.primitives {
         match part.shape {
             Shape::Rod(from, to, _) => [from, to].into_iter().for_each(&mut add),
-            // Points are as often on either side of the centre of a leaf.
+            // Points are equally often on either side of the centre of a leaf.
             Shape::Disc(centre, ..) | Shape::Ball(centre, _) => add(centre),
             Shape::Block(low, high) => [low, high].into_iter().for_each(&mut add),
             Shape::Triangle(corners) => corners.into_iter().for_each(&mut add),
