@@ -1,4 +1,4 @@
-//! The two inner loops of the evaluation of trees for processors with AVX2. Their results are those of
+//! The two inner loops of the evaluation of trees for processors with AVX2. Their results equal those of
 //! `portable.rs` to the bit.
 
 use std::arch::x86_64::{
@@ -13,16 +13,17 @@ use std::arch::x86_64::{
 use super::portable::{BITS, DIGITS, Rows, WORDS};
 use super::tree::MOST_LEAVES;
 
-/// Values of a vector.
+/// Number of values in a vector.
 const LANES: usize = 8;
 
-/// For every threshold of a feature, which of the `values` are above it: that word of each of `above`.
+/// For every threshold of a feature, writes which of the `values` are above it into word `word` of its entry
+/// in `above`.
 #[target_feature(enable = "avx2")]
 #[inline]
 pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, above: &mut [Rows]) {
-    // Packing joins four vectors, first their lower halves in turn, then their upper ones. So vector v of the
-    // four has rows 4 v to 4 v + 3 in its lower half and those 16 further on in its upper one. Then bit n of
-    // the packed comparisons is that of row n.
+    // Packing joins four vectors: first their lower halves in turn, then their upper halves. So vector v of
+    // the four has rows 4 v to 4 v + 3 in its lower half, and the rows 16 further on in its upper half. Then
+    // bit n of the packed comparisons belongs to row n.
     let vectors: [__m256; LANES] = std::array::from_fn(|vector| {
         let lane = |lane| 32 * (vector / 4) + 16 * (lane / 4) + 4 * (vector % 4) + lane % 4;
         bytemuck::cast::<[f32; LANES], __m256>(std::array::from_fn(|number| values[lane(number)]))
@@ -40,7 +41,8 @@ pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, abo
     }
 }
 
-/// Adds the value of each row's leaf to its score. `digits` are those of the numbers of the leaves.
+/// Adds the value of each row's leaf to its score. `digits` are the binary digits of the numbers of the
+/// leaves.
 #[target_feature(enable = "avx2")]
 #[inline]
 pub(super) fn add(digits: [u64; DIGITS], values: &[i32; MOST_LEAVES], scores: &mut [i32; BITS]) {
@@ -57,11 +59,11 @@ pub(super) fn add(digits: [u64; DIGITS], values: &[i32; MOST_LEAVES], scores: &m
     }
 }
 
-/// The numbers of the leaves of 32 rows, a byte each.
+/// The numbers of the leaves of 32 rows, one byte each.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn numbers(digits: [i32; DIGITS]) -> __m256i {
-    // Byte n gets the byte of the digits that has bit n, and of it this bit.
+    // Byte n gets the byte of the digits that contains bit n, and keeps only this bit.
     let byte = _mm256_setr_epi8(
         0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3,
     );
@@ -75,12 +77,14 @@ fn numbers(digits: [i32; DIGITS]) -> __m256i {
     numbers
 }
 
-/// The values of eight leaves, by the first eight bytes of `numbers`. `eights` are the values of all leaves.
+/// The values of the leaves whose numbers are the first eight bytes of `numbers`. `eights` are the values of
+/// all leaves.
 #[target_feature(enable = "avx2")]
 #[inline]
 fn look_up(eights: &[__m256i; MOST_LEAVES / LANES], numbers: __m128i) -> __m256i {
     let numbers = _mm256_cvtepu8_epi32(numbers);
-    // The last three digits choose in each eight. Then the other two choose the eight, as signs.
+    // The last three digits choose a value in each eight. Then the other two digits, moved to the sign bits,
+    // choose the eight.
     let of_eight = eights.map(|eight| _mm256_castsi256_ps(_mm256_permutevar8x32_epi32(eight, numbers)));
     let fourth = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(numbers));
     let fifth = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(numbers));

@@ -2,8 +2,8 @@
 
 use super::samples::Samples;
 
-/// Features whose bins are stored together: half a line of the cache of a processor. The sums over 64 bins of
-/// each are 32 KiB, about its first level.
+/// Number of features whose bins are stored together: half a cache line. The sums over 64 bins of each are 32
+/// KiB, about the size of the first-level cache.
 pub(super) const BLOCK: usize = 32;
 
 /// The bins of the features of a block at a sample.
@@ -15,7 +15,7 @@ pub(super) struct Binned {
     pub(super) thresholds: Vec<Vec<f32>>,
     /// Per block of features, the bins of each sample.
     pub(super) blocks: Vec<Vec<Row>>,
-    /// The same, per feature: a split needs one feature of many samples.
+    /// The bins of each feature: a split needs one feature of many samples.
     columns: Vec<Vec<u8>>,
 }
 
@@ -47,7 +47,7 @@ impl Binned {
         self.blocks.first().map_or(0, Vec::len)
     }
 
-    /// Drops thresholds that `used` (per feature and threshold) does not name, and returns the new number of
+    /// Drops the thresholds that are not `used` (per feature and threshold), and returns the new number of
     /// each.
     pub(super) fn keep(thresholds: &mut [Vec<f32>], used: &[Vec<bool>]) -> Vec<Vec<u8>> {
         let mut numbers = Vec::with_capacity(used.len());
@@ -83,7 +83,7 @@ fn thresholds_of(column: &[f32], most: usize) -> Vec<f32> {
     let mut groups: Vec<(f32, usize)> = Vec::new();
     for &value in &sorted {
         match groups.last_mut() {
-            // 0 and -0 are one value here, because a threshold cannot be between them.
+            // 0 and -0 are one value, because a threshold cannot lie between them.
             Some((last, count)) if *last >= value => *count += 1,
             _ => groups.push((value, 1)),
         }
@@ -95,7 +95,8 @@ fn thresholds_of(column: &[f32], most: usize) -> Vec<f32> {
     for (number, pair) in groups.windows(2).enumerate() {
         taken += pair[0].1;
         let groups_left = groups.len() - 1 - number;
-        // What is left is shared out anew after each bin, because a value with many samples fills one alone.
+        // The remaining samples are shared out again after each bin, because a value with many samples fills
+        // a bin alone.
         if bins > 1 && (taken * bins >= left || groups_left < bins) {
             thresholds.push(between(pair[0].0, pair[1].0));
             left -= taken;
@@ -106,7 +107,7 @@ fn thresholds_of(column: &[f32], most: usize) -> Vec<f32> {
     thresholds
 }
 
-/// A threshold with `low` not above it and `high` above it.
+/// A threshold such that `low` is not above it and `high` is above it.
 fn between(low: f32, high: f32) -> f32 {
     let middle = low + (high - low) * 0.5;
     if middle < high { middle } else { low }

@@ -1,4 +1,4 @@
-//! Which classes a model takes for which.
+//! The confusion of classes by a model.
 
 /// Rows of each class (first) by the class that a model gives them (second).
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -7,7 +7,7 @@ pub struct Confusion {
 }
 
 impl Confusion {
-    /// No rows of this many classes.
+    /// A confusion of this many classes without rows.
     #[must_use]
     pub fn new(classes: usize) -> Self {
         Self { counts: vec![vec![0; classes]; classes] }
@@ -32,21 +32,21 @@ impl Confusion {
         self.counts.iter().flatten().sum()
     }
 
-    /// Share of the rows that are called what they are; none without rows.
+    /// Share of the rows that get their true class; `None` without rows.
     #[must_use]
     pub fn accuracy(&self) -> Option<f64> {
         let right: u64 = self.counts.iter().enumerate().map(|(class, row)| row[class]).sum();
         share(right, self.rows())
     }
 
-    /// Share of the rows of a class that are called so.
+    /// Share of the rows of a class that get this class.
     #[must_use]
     pub fn recall(&self, class: usize) -> Option<f64> {
         let row = self.counts.get(class)?;
         share(row[class], row.iter().sum())
     }
 
-    /// Share of the rows that are called so and are of the class.
+    /// Share of the rows given a class that are of this class.
     #[must_use]
     pub fn precision(&self, class: usize) -> Option<f64> {
         let right = self.counts.get(class)?[class];

@@ -1,4 +1,4 @@
-//! What a model is made of, and where it comes from.
+//! The content of a model, and where it comes from.
 
 use serde::{Deserialize, Serialize};
 
@@ -28,7 +28,7 @@ pub struct TrainedOn {
     pub samples: Vec<u64>,
 }
 
-/// What is in the file.
+/// The content of the file of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Content {
     pub(super) features: Vec<String>,

@@ -8,7 +8,7 @@ use crate::error::{ErrorKind, Failure};
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum BoostingError {
-    /// The samples do not allow to learn.
+    /// Nothing can be learned from the samples.
     #[error("cannot learn from {samples} samples: {why}")]
     Samples {
         /// Number of samples.
@@ -32,7 +32,7 @@ pub enum BoostingError {
         /// The file.
         origin: String,
     },
-    /// The bytes were cut or changed.
+    /// The bytes were truncated or changed.
     #[error("{origin} is damaged: {what}")]
     Damaged {
         /// The file.
@@ -50,7 +50,7 @@ pub enum BoostingError {
         /// The version of this program.
         known: u32,
     },
-    /// The model is for other features or classes than those of its user.
+    /// The model is for other features or classes than expected.
     #[error("{origin} does not fit this program: {what}")]
     Unfit {
         /// The file.

@@ -1,14 +1,14 @@
 //! Evaluation of trees for blocks of 256 rows.
 //!
-//! The rows of a block are the bits of four words. For each threshold, the words say which rows are above
-//! it. A leaf is the words of its rows, and a split divides them in two. The numbers of the leaves are then
-//! read from five times four words, one per binary digit. So the time depends on the splits of a tree and not
-//! on its depth, and no branch depends on a value. The idea of trees as bit masks is that of Lucchese et al.
-//! 2015 (`QuickScorer`, doi:10.1145/2766462.2767733); ours turns it round and has a bit per row, not per
-//! leaf.
+//! The rows of a block are the bits of four words. For each threshold, four words say which rows are above
+//! it. A leaf is four words with its rows, and a split divides them in two. The numbers of the leaves are
+//! then read from five times four words, four per binary digit. So the time depends on the number of splits
+//! of a tree and not on its depth, and no branch depends on a value. The idea of trees as bit masks comes
+//! from Lucchese et al. 2015 (`QuickScorer`, doi:10.1145/2766462.2767733); ours reverses it and has a bit per
+//! row, not per leaf.
 //!
-//! Comparisons are exact and scores are whole numbers. So all processors give the same scores, with AVX2 and
-//! without.
+//! Comparisons are exact and scores are whole numbers. So all processors give the same scores, with or
+//! without AVX2.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2;
@@ -19,14 +19,15 @@ use super::tree::{MOST_LEAVES, Tree};
 #[derive(Debug, Clone, Copy)]
 struct Cut {
     leaf: u8,
-    /// Number of the threshold among those of all features.
+    /// Number of the threshold among the thresholds of all features.
     threshold: u32,
 }
 
 /// Trees in the form that is evaluated.
 #[derive(Debug, Clone)]
 pub(super) struct Forest {
-    /// Features with their thresholds, filled up with infinity to one less than a power of two.
+    /// Features with their thresholds, padded with infinity so that their number is one less than a power of
+    /// two.
     features: Vec<(usize, Vec<f32>)>,
     /// Number of features in a row.
     width: usize,
@@ -37,7 +38,7 @@ pub(super) struct Forest {
 }
 
 impl Forest {
-    /// Checks that every number of a tree has a meaning.
+    /// Checks that every number in a tree refers to something that exists.
     pub(super) fn new(thresholds: &[Vec<f32>], base: &[i32], trees: &[Tree]) -> Result<Self, String> {
         if base.is_empty() || thresholds.is_empty() || !trees.len().is_multiple_of(base.len()) {
             return Err("it has no classes, no features, or not one tree per class and round".to_owned());
@@ -96,7 +97,7 @@ impl Forest {
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn scores_with_avx2<const K: usize>(&self, rows: &[f32], take: &mut dyn FnMut(&[i32; K])) {
-        // Closures have the instructions of the function that they are in; a function as a value has not.
+        // A closure is compiled with the instructions of its function; a function passed as a value is not.
         let compare = |thresholds: &_, values: &_, word, above: &mut _| {
             avx2::compare(thresholds, values, word, above);
         };
@@ -148,7 +149,7 @@ impl Forest {
     }
 }
 
-/// The digits of the numbers of the leaves: the words n have the bit n of the number of each row.
+/// The digits of the numbers of the leaves: entry n has bit n of the number of the leaf of each row.
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "only so it has the instructions of the caller")]
 fn leaves(cuts: &[Cut], above: &[Rows]) -> [Rows; DIGITS] {
@@ -161,7 +162,8 @@ fn leaves(cuts: &[Cut], above: &[Rows]) -> [Rows; DIGITS] {
         of_leaf.iter_mut().zip(over).for_each(|(rows, over)| *rows &= !over);
         rows[new] = moved;
     }
-    // Leaves with an odd number have the last digit; then pairs of leaves are leaves with one digit less.
+    // Leaves with an odd number have the last digit set. Then pairs of leaves are joined to leaves whose
+    // numbers have one digit less.
     let mut digits = [Rows::default(); DIGITS];
     let mut count = MOST_LEAVES;
     for digit in &mut digits {

@@ -1,27 +1,27 @@
 //! The exponential function, the logarithm and shares of classes as fixed sequences of IEEE operations. The
 //! functions of the platforms differ in the last bit.
 
-/// Units of a score per 1: scores are whole numbers.
+/// Number of units of a score per 1: scores are whole numbers.
 pub(super) const UNITS: f64 = 65_536.0;
 
-/// Shares of a row add up to this.
+/// Sum of the shares of a row.
 pub(super) const WHOLE: u8 = 255;
 
 /// ln 2 in two parts. The first has few digits, so that its product with a small whole number is exact.
 const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
 const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
 
-/// Terms of the series. The error of 13 terms is below the last digit for arguments up to ln 2 / 2.
+/// Number of terms of the series. The error of 13 terms is below the last digit for arguments up to ln 2 / 2.
 const TERMS: i32 = 13;
 
-/// Arguments below this give 0: the result is smaller than 1e-300.
+/// Argument below which the result is 0: it would be smaller than 1e-300.
 const LOWEST: f64 = -690.0;
 
-/// Adding and subtracting it rounds a number below 2^51 to a whole one: doubles of its size have no fractions
-/// (1.5 * 2^52). The function of the platform is a call for each number.
+/// 1.5 * 2^52. Adding and subtracting it rounds a number below 2^51 to a whole number, because doubles of
+/// this size have no fractions. The function of the platform would be a call for each number.
 const TO_WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// e to the power of each `x`, for `x` up to 690. The numbers take each step together, so that no division
+/// e to the power of each `x`, for `x` up to 690. All numbers take each step together, so that no division
 /// waits for another one.
 #[inline]
 fn exps<const N: usize>(x: [f64; N]) -> [f64; N] {
@@ -53,7 +53,7 @@ pub(super) fn exp(x: f64) -> f64 {
 /// The natural logarithm of `x`, which is from 1e-12 to 1: Halley's method on [`exp`].
 pub(super) fn ln(x: f64) -> f64 {
     let mut y = 0.0;
-    // The error becomes its third power in each step once it is below 1. Before that, a step is about 2.
+    // Once the error is below 1, each step cubes it. Before that, a step is about 2.
     for _ in 0..24 {
         let e = exp(y);
         y += 2.0 * (x - e) / (x + e);
@@ -74,8 +74,8 @@ pub(super) fn softmax(scores: &[i32], probabilities: &mut [f64]) {
     probabilities.iter_mut().for_each(|probability| *probability /= sum);
 }
 
-/// Whole shares from scores. They add up to [`WHOLE`]: each is rounded down, and what is left goes to the
-/// largest fractions, the first class among equal ones.
+/// Whole shares from scores. They add up to [`WHOLE`]: each is rounded down, and the remainder goes to the
+/// largest fractions, among equal ones to the first class.
 #[inline]
 pub(super) fn shares<const K: usize>(scores: &[i32; K]) -> [u8; K] {
     let mut fractions = [0.0; K];
@@ -87,7 +87,7 @@ pub(super) fn shares<const K: usize>(scores: &[i32; K]) -> [u8; K] {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
         let whole = exact as u8;
         *share = whole;
-        // The sum of the rounded products may exceed the whole by its last digit, and then rounds up to it.
+        // Rounding can make the sum of the products exceed the whole in its last digit; then nothing is left.
         left = left.saturating_sub(whole);
         *fraction = exact - f64::from(whole);
     }
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(exp(-1e9).to_bits(), 0.0_f64.to_bits());
         let bits = |exps: [f64; 4]| exps.map(f64::to_bits);
         assert_eq!(bits(exps([-700.0, -0.1, 0.0, -3.0])), bits([0.0, exp(-0.1), 1.0, exp(-3.0)]));
-        // Bits that were computed once: a platform or compiler that contracts operations would change them.
+        // Expected bits, computed once: a platform or compiler that contracts operations would change them.
         assert_eq!(exp(-1.0).to_bits(), (-1.0_f64).exp().to_bits());
         for x in [1e-12, 1e-6, 0.01, 0.125, 0.5, 0.999, 1.0] {
             assert!((ln(x) - f64::ln(x)).abs() < 1e-13, "ln({x})");

@@ -67,7 +67,7 @@ pub(super) fn decode(origin: &str, bytes: &[u8]) -> Result<(Content, u64), Boost
     Ok((content, checksum))
 }
 
-/// The bytes of the model at the start of `bytes`, and what follows it.
+/// The bytes of the model at the start of `bytes`, and the bytes after it.
 pub(super) fn split<'a>(origin: &str, bytes: &'a [u8]) -> Result<(&'a [u8], &'a [u8]), BoostingError> {
     if !bytes.starts_with(MAGIC) {
         return Err(BoostingError::Foreign { origin: origin.to_owned() });

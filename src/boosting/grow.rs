@@ -7,28 +7,28 @@ use super::exponential::UNITS;
 use super::settings::Settings;
 use super::tree::{Split, Tree};
 
-/// Units of gradients and curvatures per 1.
+/// Number of units of gradients and curvatures per 1.
 pub(super) const GRADIENT_UNITS: f64 = 65_536.0;
 
-/// Bits of a number of samples. A curvature is at most a quarter and weighs 1 in the mean, so that its sum
-/// over so many samples has 38 bits more.
+/// Bits for the number of samples in a word of a [`Sum`]. A curvature is at most a quarter, with a mean
+/// weight of 1, so its sum over this many samples needs 38 more bits.
 const SAMPLE_BITS: u32 = 24;
 
 /// Largest number of samples.
 pub(super) const MOST_SAMPLES: usize = (1 << SAMPLE_BITS) - 1;
 
-/// Least curvature of a leaf: below it, a value would be a quotient of rounding errors (as in `LightGBM`).
+/// Smallest curvature of a leaf: below it, a value would be a quotient of rounding errors (as in `LightGBM`).
 const LEAST_CURVATURE: f64 = 1e-3;
 
-/// Largest value of a leaf: a factor of nine million between the odds of two classes.
+/// Largest value of a leaf: a factor of nine million in the odds of two classes.
 const LARGEST_VALUE: f64 = 16.0;
 
-/// Samples whose bins are fetched at a time.
+/// Number of samples whose bins are fetched at a time.
 const FETCHED: usize = 256;
 
-/// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and their number. These
-/// are two words, because most of the time goes into adding them: the number is in the lowest bits of the
-/// curvature.
+/// Gradient and curvature of the loss, summed over the samples of a bin or a leaf, and the number of samples.
+/// They are two words, because most of the time goes into adding them: the number is in the lowest bits of
+/// the curvature.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Sum {
     gradient: i64,
@@ -60,7 +60,7 @@ impl Sum {
         (self.gradient as f64 / GRADIENT_UNITS, curvature as f64 / GRADIENT_UNITS)
     }
 
-    /// What the best value of a leaf takes off twice the loss.
+    /// The amount by which the best value of a leaf lowers twice the loss.
     fn score(self, l2: f64) -> f64 {
         let (gradient, curvature) = self.slope();
         gradient * gradient / (curvature + l2)
@@ -82,7 +82,8 @@ impl Slopes<'_> {
     }
 }
 
-/// Sums of every bin of every feature, one after the other. Each feature has room for as many bins as any.
+/// Sums of every bin of every feature, one after the other. Each feature has room for the largest number of
+/// bins of any feature.
 type Histogram = Vec<Sum>;
 
 /// A split that a leaf could have.
@@ -104,7 +105,7 @@ struct Leaf {
     best: Option<Candidate>,
 }
 
-/// A tree with what it was grown from.
+/// A tree, with the samples of its leaves and the gains of its splits.
 pub(super) struct Grown {
     pub(super) tree: Tree,
     /// Samples of each leaf.
@@ -113,11 +114,11 @@ pub(super) struct Grown {
     pub(super) gains: Vec<(usize, f64)>,
 }
 
-/// What a tree grows from.
+/// The input of the growth of trees.
 pub(super) struct Grower<'a> {
     pub(super) binned: &'a Binned,
     pub(super) settings: &'a Settings,
-    /// Room for the bins of a feature in a histogram.
+    /// Number of places for the bins of a feature in a histogram.
     room: usize,
 }
 
@@ -127,7 +128,7 @@ impl<'a> Grower<'a> {
         Self { binned, settings, room }
     }
 
-    /// Grows the tree of this `number`, by which its seed differs.
+    /// Grows the tree with this `number`, which makes its random choices differ from those of other trees.
     pub(super) fn grow(&self, slopes: Slopes<'_>, number: u64) -> Grown {
         let all = (0..).take(self.binned.samples());
         let parts: [Vec<u32>; 2] = all.partition(|&sample| self.learns_from(number, sample)).into();
@@ -179,8 +180,8 @@ impl<'a> Grower<'a> {
         Leaf { samples, others, histogram, total, best }
     }
 
-    /// Sums over samples, the largest part of the time of learning. Rows are far apart in memory, so they are
-    /// fetched many at a time before they are added: no fetch waits for the one before.
+    /// Sums over samples, which take most of the time of learning. Rows are far apart in memory, so many are
+    /// fetched before they are added: no fetch waits for the previous one.
     fn histogram(&self, samples: &[u32], slopes: Slopes<'_>) -> Histogram {
         let mut histogram = vec![Sum::default(); self.binned.thresholds.len() * self.room];
         let mut rows: Vec<Row> = Vec::with_capacity(FETCHED);
@@ -202,7 +203,7 @@ impl<'a> Grower<'a> {
         histogram
     }
 
-    /// Splits a leaf, which keeps what is not above the threshold, and returns the new leaf.
+    /// Splits a leaf, which keeps the samples that are not above the threshold, and returns the new leaf.
     fn split(
         &self,
         leaf: &mut Leaf,
@@ -213,7 +214,7 @@ impl<'a> Grower<'a> {
         let above = |sample: &u32| usize::from(self.binned.bin(best.feature, *sample)) > best.threshold;
         let (right, left): (Vec<u32>, Vec<u32>) = leaf.samples.iter().partition(|sample| above(sample));
         let (others, others_left) = leaf.others.iter().partition(|sample| above(sample));
-        // The sums of the larger part are those of both without those of the smaller part.
+        // The sums of the larger part are the sums of both parts minus the sums of the smaller part.
         let smaller = self.histogram(if left.len() <= right.len() { &left } else { &right }, slopes);
         let larger: Histogram =
             leaf.histogram.iter().zip(&smaller).map(|(both, one)| both.less(*one)).collect();
@@ -237,7 +238,7 @@ impl<'a> Grower<'a> {
                     continue;
                 }
                 let gain = left.score(self.settings.l2) + right.score(self.settings.l2) - whole;
-                // The first of equal gains, in the order of features and thresholds.
+                // Of equal gains, the first in the order of features and thresholds wins.
                 if gain > best.map_or(0.0, |best| best.gain) {
                     best = Some(Candidate { gain, feature, threshold });
                 }
@@ -250,7 +251,7 @@ impl<'a> Grower<'a> {
         sum.samples() >= self.settings.leaf_samples && sum.slope().1 >= LEAST_CURVATURE
     }
 
-    /// The features among which a split chooses, ascending: those with the smallest hashes.
+    /// The features among which a split chooses, ascending: the features with the smallest hashes.
     fn drawn(&self, tree: u64, node: u64) -> Vec<usize> {
         let width = self.binned.thresholds.len();
         let mut hashed: Vec<(u64, usize)> = (0..width)
@@ -267,7 +268,7 @@ impl<'a> Grower<'a> {
         features
     }
 
-    /// What a leaf adds to the score.
+    /// The value that a leaf adds to the score.
     fn value(&self, total: Sum) -> i32 {
         let (gradient, curvature) = total.slope();
         let step = -self.settings.rate * gradient / (curvature + self.settings.l2).max(LEAST_CURVATURE);

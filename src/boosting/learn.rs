@@ -13,21 +13,20 @@ use super::settings::Settings;
 use super::tree::Tree;
 use crate::error::Result;
 
-/// Weight of a class that has a share of the samples this small or smaller, at most: rarer classes are not
-/// weighted up further.
+/// Largest weight of a sample, relative to the mean weight: rarer classes are not weighted up further.
 const LARGEST_WEIGHT: f64 = 64.0;
 
-/// Least share of a class in the first scores.
+/// Smallest share of a class in the first scores.
 const LEAST_SHARE: f64 = 1e-6;
 
-/// Learns a model. `tell` hears how many rounds are complete. Its error ends the learning.
+/// Learns a model. `tell` receives the number of complete rounds. Its error ends the learning.
 ///
-/// A sample weighs one over the square root of the number of samples of its class, so that rare classes count
-/// more than by their number, and less than as much as frequent ones.
+/// A sample weighs one over the square root of the number of samples of its class. So a rare class counts
+/// more than in proportion to its number, but still less than a frequent class.
 ///
 /// # Errors
 /// [`BoostingError::Setting`] for a setting out of range, [`BoostingError::Samples`] when there is nothing to
-/// learn, and what `tell` returns.
+/// learn, and any error of `tell`.
 pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize) -> Result<()>) -> Result<Model> {
     settings.validate()?;
     let counts = samples.counts();
@@ -92,7 +91,7 @@ pub fn learn(samples: &Samples, settings: &Settings, tell: &dyn Fn(usize) -> Res
     Model::new(samples.features().to_vec(), samples.classes().to_vec(), binned.thresholds, base, trees, about)
 }
 
-/// Weight of a sample of each class. The mean over the samples is 1.
+/// Weight of a sample of each class, relative to the mean over the samples.
 fn weights(counts: &[u64]) -> Vec<f64> {
     let raw: Vec<f64> =
         counts.iter().map(|&count| if count > 0 { 1.0 / (count as f64).sqrt() } else { 0.0 }).collect();
@@ -143,7 +142,7 @@ fn whole(value: f64) -> i64 {
 mod tests {
     use super::*;
 
-    /// A table of eight columns of noise, whose class is a function of a row.
+    /// A table of eight columns of noise, whose class is a function of the row.
     fn table(rows: u64, classes: &[&str], class: impl Fn(&[f32]) -> usize) -> Samples {
         let names: Vec<String> = (0..8).map(|column| format!("column {column}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -181,7 +180,7 @@ mod tests {
         assert!(right::<2>(&model, test) > 0.97, "{}", right::<2>(&model, test));
         let importance = &model.about().importance;
         assert!(importance[2] + importance[5] > 0.9, "{importance:?}");
-        // Neither column says anything alone.
+        // Neither column alone says anything about the class.
         let alone = learn(&train, &Settings { leaves: 2, ..quick() }, &|_| Ok(())).unwrap();
         assert!(right::<2>(&alone, test) < 0.75);
     }
@@ -217,7 +216,7 @@ mod tests {
         assert_eq!(one, bytes(2, &settings));
         assert_eq!(one, bytes(5, &settings));
         assert_ne!(one, bytes(1, &Settings { seed: 1, ..settings.clone() }));
-        // Computed once: another platform or compiler must give the same.
+        // Computed once. Every platform and compiler must give the same.
         assert_eq!(xxhash_rust::xxh3::xxh3_64(&one), 16_090_246_880_578_227_481);
     }
 

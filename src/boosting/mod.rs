@@ -1,5 +1,5 @@
-//! Boosted trees: learns from a table which class a row belongs to, and says of other rows which share each
-//! class has. It knows nothing of points: a row is a list of numbers.
+//! Boosted trees: learns from a table which class a row belongs to, and gives the share of each class for
+//! other rows. It knows nothing about points: a row is a list of numbers.
 //!
 //! The method is gradient boosting on histograms with the loss of the multinomial logit. Each round grows one
 //! tree per class to the gradients and curvatures of the loss (Friedman 2001, doi:10.1214/aos/1013203451;
@@ -8,15 +8,15 @@
 //!
 //! The same table, settings and seed give the same bytes for any number of threads and on any platform. For
 //! this, gradients, curvatures and scores are whole numbers, so that their sums do not depend on an order.
-//! The exponential function is our own sequence of IEEE operations, because those of the platforms differ in
-//! the last bit.
+//! The exponential function is our own sequence of IEEE operations, because the functions of the platforms
+//! differ in the last bit.
 //!
-//! Libraries were looked at in November 2026 and none serves. `smartcore` 0.7 and `linfa-ensemble` 0.8 boost
-//! regressions or stumps and no trees of several classes. `biosphere` 0.4 has forests only. `perpetual` 3.0
-//! chooses the size of the model itself, and bounds neither its bytes nor its time. `hessboost` 0.4 has all
-//! options, but it has 106,000 lines, a compressor in C, and promises equal models for any number of threads,
-//! not for any platform. None evaluates blocks of rows by bit masks, which is what costs time here
-//! ([`Model::shares`]).
+//! Existing libraries were examined in November 2026, and none is suitable. `smartcore` 0.7 and
+//! `linfa-ensemble` 0.8 boost regressions or stumps, but not trees of several classes. `biosphere` 0.4 has
+//! forests only. `perpetual` 3.0 chooses the size of the model itself, and limits neither its bytes nor its
+//! time. `hessboost` 0.4 has all options, but it has 106,000 lines and a compressor in C, and promises equal
+//! models for any number of threads, but not for any platform. None evaluates blocks of rows by bit masks,
+//! although evaluation takes most of the time here ([`Model::shares`]).
 //!
 //! ```
 //! use chainage::boosting::{Samples, Settings, learn};

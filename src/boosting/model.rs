@@ -1,4 +1,4 @@
-//! A learned model: how it is read, checked, written, and asked for shares.
+//! A learned model: reading, checking, writing, and the shares that it gives.
 
 use std::fmt::Write;
 
@@ -56,7 +56,7 @@ impl Model {
         Self::from_content(origin, content, checksum)
     }
 
-    /// The bytes of the model at the start of `bytes`, and what follows it. Only the length is read.
+    /// The bytes of the model at the start of `bytes`, and the bytes after it. Only the length is read.
     ///
     /// # Errors
     /// [`BoostingError::Foreign`] or [`BoostingError::Damaged`].
@@ -67,7 +67,7 @@ impl Model {
     /// The bytes of the model.
     ///
     /// # Errors
-    /// A defect of chainage, if a list of it cannot be encoded.
+    /// A defect of chainage, if a list of the model cannot be encoded.
     pub fn encode(&self) -> Result<Vec<u8>> {
         Ok(file::encode(&self.content)?.0)
     }
@@ -75,7 +75,7 @@ impl Model {
     /// The same model with the names of the sources of its samples.
     ///
     /// # Errors
-    /// [`BoostingError::Damaged`] when a source has counts of other classes.
+    /// [`BoostingError::Damaged`] when a source has counts for another number of classes.
     pub fn trained_on(self, sources: Vec<TrainedOn>) -> Result<Self> {
         let mut content = self.content;
         content.about.trained_on = sources;
@@ -83,7 +83,7 @@ impl Model {
         Ok(Self::from_content("the new model", content, checksum)?)
     }
 
-    /// Checksum of its bytes.
+    /// Checksum of the bytes of the model.
     #[must_use]
     pub fn checksum(&self) -> u64 {
         self.checksum
@@ -107,14 +107,14 @@ impl Model {
         &self.content.about
     }
 
-    /// Trees and their leaves.
+    /// Number of trees, and number of their leaves.
     #[must_use]
     pub fn size(&self) -> (usize, usize) {
         let trees = &self.content.trees;
         (trees.len(), trees.iter().map(|tree| tree.values.len()).sum())
     }
 
-    /// Refuses a model of other features or classes than these.
+    /// Refuses a model with other features or classes than these.
     ///
     /// # Errors
     /// [`BoostingError::Unfit`] with the first difference.
@@ -140,11 +140,11 @@ impl Model {
 
     /// Shares of the `K` classes for each row. The shares of a row add up to 255.
     ///
-    /// A row depends on no other row. Rows are evaluated in blocks of 256: a comparison with a threshold is
-    /// one bit per row, so that a split of a tree is two operations on words for all of them.
+    /// Rows do not depend on each other. They are evaluated in blocks of 256: a comparison with a threshold
+    /// is one bit per row, so that a split of a tree is two operations on words for all of them.
     ///
     /// # Errors
-    /// [`BoostingError::Unfit`] when the model has another number of classes, or the values are no whole
+    /// [`BoostingError::Unfit`] when the model has another number of classes, or the values are not whole
     /// rows.
     pub fn shares<const K: usize>(&self, rows: &[f32]) -> Result<Vec<[u8; K]>, BoostingError> {
         let width = self.features().len();

@@ -3,19 +3,19 @@
 
 use super::tree::MOST_LEAVES;
 
-/// Rows of a word: its bits.
+/// Number of rows in a word: its bits.
 pub(super) const BITS: usize = 64;
-/// Words side by side: as many as a vector of AVX2 has.
+/// Number of words side by side: the same as in a vector of AVX2.
 pub(super) const WORDS: usize = 4;
-/// Binary digits of the number of a leaf.
+/// Number of binary digits of the number of a leaf.
 pub(super) const DIGITS: usize = 5;
-/// Rows whose bins are searched together.
+/// Number of rows whose bins are searched together.
 const GROUP: usize = 8;
 
-/// Some rows of a block: a bit for each.
+/// A set of rows of a block: one bit for each row.
 pub(super) type Rows = [u64; WORDS];
 
-/// The bytes of a word whose bits are those of the index: byte n is bit n.
+/// For each index, a word with the bits of the index as bytes: byte n is bit n.
 const SPREAD: [u64; 256] = spread();
 
 const fn spread() -> [u64; 256] {
@@ -34,8 +34,8 @@ const fn spread() -> [u64; 256] {
     table
 }
 
-/// For every threshold of a feature, which of the `values` are above it: that word of each of `above`. The
-/// thresholds are sorted, and there are 2^n - 1 of them, at most 255.
+/// For every threshold of a feature, writes which of the `values` are above it into word `word` of its entry
+/// in `above`. The thresholds are sorted, and there are 2^n - 1 of them, at most 255.
 #[inline]
 pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, above: &mut [Rows]) {
     // The rows in each bin, then the rows in all bins above a threshold.
@@ -53,7 +53,7 @@ pub(super) fn compare(thresholds: &[f32], values: &[f32; BITS], word: usize, abo
 }
 
 /// For each value, the number of thresholds below it. The search has no branches that depend on a value, and
-/// does not wait for the step of one value before it begins that of the next.
+/// the step of one value does not wait for the step of another.
 #[inline]
 fn search(thresholds: &[f32], values: &[f32; GROUP]) -> [usize; GROUP] {
     let mut found = [0; GROUP];
@@ -68,7 +68,8 @@ fn search(thresholds: &[f32], values: &[f32; GROUP]) -> [usize; GROUP] {
     found
 }
 
-/// Adds the value of each row's leaf to its score. `digits` are those of the numbers of the leaves.
+/// Adds the value of each row's leaf to its score. `digits` are the binary digits of the numbers of the
+/// leaves.
 #[inline]
 pub(super) fn add(digits: [u64; DIGITS], values: &[i32; MOST_LEAVES], scores: &mut [i32; BITS]) {
     let bytes = digits.map(u64::to_le_bytes);

@@ -1,4 +1,4 @@
-//! The table that is learned from: rows of features and the class of each.
+//! The table from which a model learns: rows of features and the class of each.
 
 use super::error::BoostingError;
 
@@ -12,7 +12,7 @@ pub struct Samples {
 }
 
 impl Samples {
-    /// No samples of these features and classes.
+    /// An empty table for these features and classes.
     #[must_use]
     pub fn new(features: &[&str], classes: &[&str]) -> Self {
         let owned = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
@@ -22,7 +22,8 @@ impl Samples {
     /// Adds a row. A value that is not a number is smaller than every number.
     ///
     /// # Errors
-    /// [`BoostingError::Samples`] when the row has another length than the names, or the class no name.
+    /// [`BoostingError::Samples`] when the row does not have one value per feature, or the class does not
+    /// exist.
     pub fn push(&mut self, row: &[f32], class: u8) -> Result<(), BoostingError> {
         let wrong = |why| BoostingError::Samples { samples: self.len(), why };
         if row.len() != self.features.len() {
@@ -40,7 +41,7 @@ impl Samples {
         Ok(())
     }
 
-    /// Adds the rows of others behind these.
+    /// Adds the rows of `others` after these.
     ///
     /// # Errors
     /// [`BoostingError::Samples`] when they have other features or classes.

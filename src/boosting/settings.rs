@@ -10,20 +10,20 @@ pub struct Settings {
     pub rounds: usize,
     /// Largest number of leaves of a tree, 2 to 32.
     pub leaves: usize,
-    /// Share of a step towards the best value of a leaf that is taken, above 0 to 1.
+    /// Learning rate: share of the step towards the best value of a leaf that is taken, above 0 to 1.
     pub rate: f64,
-    /// Added to the curvature of a leaf, 0 to 1,000,000. The mean weight of a sample is 1.
+    /// Regularisation: added to the curvature of a leaf, 0 to 1,000,000. The mean weight of a sample is 1.
     pub l2: f64,
-    /// Least number of samples of a leaf, at least 1.
+    /// Smallest number of samples of a leaf, at least 1.
     pub leaf_samples: u64,
     /// Share of the features among which a split chooses, above 0 to 1.
     pub features: f64,
-    /// Share of the samples that a tree learns from, above 0 to 1. They are drawn anew for each tree
+    /// Share of the samples from which a tree learns, above 0 to 1. They are drawn again for each tree
     /// (Friedman 2002, doi:10.1016/S0167-9473(01)00065-2).
     pub subsample: f64,
     /// Largest number of bins of a feature, 2 to 255.
     pub bins: usize,
-    /// Chooses these features and samples.
+    /// Seed by which these features and samples are chosen.
     pub seed: u64,
 }
 
