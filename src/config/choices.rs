@@ -1,4 +1,4 @@
-//! Settings with a few words as values, and the messages about values that are not accepted.
+//! Settings whose values are a few words, and the messages about values that are not accepted.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +11,7 @@ pub(crate) const US_SURVEY_FOOT: f64 = 1200.0 / 3937.0;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LengthUnit {
-    /// What the coordinate reference system of each file says; metres where it says nothing.
+    /// The unit that the coordinate reference system of each file states; metres if it states none.
     #[default]
     Auto,
     /// Metres, whatever the files say.
@@ -34,7 +34,7 @@ impl LengthUnit {
         }
     }
 
-    /// Metres of the unit; `None` for what the file says.
+    /// Metres of the unit; `None` if the files decide.
     #[must_use]
     pub fn metres(self) -> Option<f64> {
         match self {
@@ -71,7 +71,7 @@ pub enum OutputFormat {
     Laz,
 }
 
-/// What serde expected, in the words of a user: `a number` instead of `f64`.
+/// The value that serde expected, in the words of a user: `a number` instead of `f64`.
 pub(super) fn expected(message: &str) -> String {
     if let Some(missing) = message.trim().strip_prefix("missing field ") {
         return format!("a table with {}", missing.replace('`', ""));

@@ -54,7 +54,7 @@ pub enum ConfigError {
         key: String,
         /// The value.
         value: String,
-        /// The settings that were called so, dotted, by their new names; at least one.
+        /// The settings that had this name, dotted, by their new names; at least one.
         settings: Vec<String>,
     },
     /// A preset that does not exist.
@@ -104,7 +104,8 @@ fn listed(names: &[String]) -> String {
     }
 }
 
-/// The end of a message about a name that does not exist: the name that was probably meant, else all names.
+/// The end of a message about a name that does not exist: the name that was probably meant, or else all
+/// names.
 fn suggestion(similar: Option<&str>, known: &[String]) -> String {
     match similar {
         Some(similar) => format!(": did you mean {similar}?"),
@@ -119,8 +120,9 @@ impl ConfigError {
         Self::Value { key: key.into(), value: words::shortened(value.to_string()), expected: expected.into() }
     }
 
-    /// Refuses the first value outside its range, as NaN always is. Given are key, value, range and unit; the
-    /// unit may be empty. The text of the error is made from the range, so that the two cannot differ.
+    /// Refuses the first value outside its range; NaN is outside any range. Each item has key, value, range
+    /// and unit, which may be empty. The text of the error is made from the range, so that the two cannot
+    /// differ.
     pub(crate) fn outside<'a, T: PartialOrd + std::fmt::Display>(
         values: impl IntoIterator<Item = (&'a str, T, RangeInclusive<T>, &'a str)>,
     ) -> Result<(), Self> {

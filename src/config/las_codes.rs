@@ -1,4 +1,4 @@
-//! Setting `output.classification`: what is done with the LAS class of a point, and the codes of classes of
+//! Setting `output.classification`: whether the LAS class of a point changes, and the codes of classes of
 //! objects.
 
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ const CLASSES: [(&str, u8); 9] = [
 /// The word of hedges and bushes.
 const HEDGE: &str = "hedge";
 
-/// What is done with the classification of the records.
+/// Whether the LAS classes of the records change.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "String")]
 pub enum ClassificationChoice {
@@ -30,14 +30,14 @@ pub enum ClassificationChoice {
     Set(LasCodes),
 }
 
-/// LAS codes of classes of objects that a user has chosen, by the words of the classes. The others have the
-/// codes of ASPRS, where there are some.
+/// LAS codes that a user has chosen for classes of objects, by the words of the classes. The other classes
+/// have the codes of ASPRS, if there are any.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct LasCodes(Vec<(String, u8)>);
 
 impl LasCodes {
-    /// The LAS code that was chosen for a class of objects. That of class 6 is for fences, walls and guard
-    /// rails.
+    /// The LAS code that was chosen for a class of objects. For class 6, it applies to fences, walls and
+    /// guard rails.
     #[must_use]
     pub fn of(&self, class: u8) -> Option<u8> {
         CLASSES.iter().find(|(_, known)| *known == class).and_then(|(word, _)| self.of_word(word))
@@ -66,12 +66,12 @@ impl LasCodes {
         self.0.is_empty()
     }
 
-    /// One item of the list, as in `pole=64`.
+    /// Adds one item of the list, as in `pole=64`. `None` if it is not accepted.
     fn item(&mut self, item: &str) -> Option<()> {
         let (word, code) = item.split_once('=')?;
         let (word, _) = CLASSES.iter().find(|(known, _)| *known == word.trim())?;
         let code = code.trim().parse().ok()?;
-        // Twice the same class would leave open which code counts.
+        // If a class were given twice, it would be open which code counts.
         self.of_word(word).is_none().then(|| self.0.push(((*word).to_owned(), code)))
     }
 }

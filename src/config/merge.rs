@@ -10,8 +10,8 @@ pub(super) fn parse(text: &str, origin: &str) -> Result<Table, ConfigError> {
     text.parse().map_err(|source| ConfigError::Syntax { origin: origin.to_owned(), source })
 }
 
-/// The table of one assignment `section.key=value`. A value that is not TOML is taken as a string. If the
-/// section is missing, the sections of `base` with this key are named in the error.
+/// The table of one assignment `section.key=value`. A value that is not TOML is read as a string. If the
+/// section is missing, the error names the sections of `base` with this key.
 pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError> {
     let unreadable = || ConfigError::Assignment { text: text.to_owned() };
     let (path, value) = text.split_once('=').ok_or_else(unreadable)?;
@@ -36,7 +36,7 @@ pub(super) fn assignment(text: &str, base: &Table) -> Result<Table, ConfigError>
     Ok(outer)
 }
 
-/// Overrides values of `base` with those of `upper`. Old names are read with a warning.
+/// Overrides values of `base` with values of `upper`. Old names are read with a warning.
 pub(super) fn overlay(base: &mut Table, upper: Table, warnings: &mut Vec<String>) -> Result<(), ConfigError> {
     let all: Vec<String> = keys(base).into_iter().chain(renamed::old_names()).collect();
     let similar = |key: &str| {
@@ -61,7 +61,7 @@ pub(super) fn overlay(base: &mut Table, upper: Table, warnings: &mut Vec<String>
             let known: Vec<String> = section.keys().cloned().collect();
             let dotted = format!("{name}.{key}");
             let Some(old) = section.get_mut(&key) else {
-                // Only the key is compared: a section that is right makes any two keys similar.
+                // Only the key is compared: with a correct section, any two keys would be similar.
                 let old = all.iter().filter_map(|known| known.strip_prefix(&name)?.strip_prefix('.'));
                 let meant = words::similar(&key, old);
                 let similar = meant.map(|meant| renamed::today(format!("{name}.{meant}")));
@@ -73,7 +73,7 @@ pub(super) fn overlay(base: &mut Table, upper: Table, warnings: &mut Vec<String>
     Ok(())
 }
 
-/// The value in `table` of a setting that was assigned, if it is another one by now.
+/// The value in `table` of an assigned setting, if it differs from the assigned value by now.
 pub(super) fn overridden(table: &Table, assigned: &Table) -> Option<Value> {
     let (section, values) = assigned.iter().next()?;
     let (key, value) = values.as_table()?.iter().next()?;

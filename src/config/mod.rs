@@ -75,11 +75,11 @@ pub struct OutputConfig {
     pub format: OutputFormat,
     /// Name of the dimension with the object id; `auto` depends on the method ([`Self::dimension_of`]).
     pub dimension: String,
-    /// What happens to the classification.
+    /// Whether the classification changes.
     pub classification: ClassificationChoice,
     /// Whether the original class is kept in a dimension of its own.
     pub original_classification: bool,
-    /// What is written, by the names of [`Self::writes`]; all but `copc` if it is empty.
+    /// The outputs to write, by the names of [`Self::writes`]; all except `copc` if the list is empty.
     pub files: Vec<String>,
     /// Whether the cloud-optimised file of the whole drive is written.
     pub copc: bool,
@@ -91,7 +91,7 @@ pub struct OutputConfig {
 
 /// Dimension of the objects.
 pub const CLUSTER_ID: &str = "cluster_id";
-/// Dimension of the surfaces, where a method finds surfaces instead of objects.
+/// Dimension of the surfaces, if the method finds surfaces instead of objects.
 pub const SURFACE_ID: &str = "surface_id";
 
 impl OutputConfig {
@@ -108,7 +108,7 @@ impl OutputConfig {
 
     /// Whether an output is written: `points` (labelled copies), `charts` (of the thresholds of the method),
     /// `copc` (the cloud-optimised file), `report` (the page), or a format of the table of objects by its
-    /// extension. `report.json` always is.
+    /// extension. `report.json` is always written.
     #[must_use]
     pub fn writes(&self, name: &str) -> bool {
         let named = self.files.iter().any(|chosen| chosen == name);
@@ -120,7 +120,7 @@ impl OutputConfig {
     }
 }
 
-/// Memory budgets that are accepted, in MiB: 16 MiB to 16 TiB.
+/// Accepted memory budgets in MiB: 16 MiB to 16 TiB.
 pub const MEMORY_MIB: std::ops::RangeInclusive<u64> = 16..=1 << 24;
 
 /// Section `[run]`.
@@ -163,7 +163,7 @@ pub struct Config {
     /// Section `[run]`.
     pub run: RunConfig,
     table: toml::Table,
-    /// What the user should know of the settings.
+    /// Warnings about the settings.
     warnings: Vec<String>,
 }
 
@@ -301,7 +301,7 @@ impl Config {
         self.table.get(name).and_then(toml::Value::as_table).cloned().unwrap_or_default()
     }
 
-    /// What the user should know of the settings: old names that are still read.
+    /// Warnings about the settings: old names that are still read.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
@@ -324,8 +324,8 @@ impl Config {
         Ok(list)
     }
 
-    /// The first setting with another value in `other`, with the value here and there. Settings that say how
-    /// the machine is used are not compared: no result depends on them.
+    /// The first setting with another value in `other`: its name, the value here, and the value in `other`.
+    /// Settings of how the machine is used are not compared, because no result depends on them.
     #[must_use]
     pub fn first_difference(&self, other: &Self) -> Option<(String, String, String)> {
         for (section, values) in &self.table {
@@ -382,7 +382,7 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
             Some((key, value)) => (format!("{name}.{key}"), Some(value)),
             None => (name.to_owned(), None),
         };
-        // A word is shown as it was given, anything else as TOML has it.
+        // A word is shown as it was given, and any other value as in TOML.
         match (value.and_then(toml::Value::as_str), choices::words(error.message())) {
             (Some(word), Some(words)) => ConfigError::value(key, word, words),
             _ => {
@@ -393,9 +393,9 @@ pub fn section<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     })
 }
 
-/// The entry of `table` that causes `error`. Reading stops at the first wrong entry: it is the one with which
-/// the error appears when the table is read entry by entry. `None` if the error is about the table, for
-/// instance a missing key.
+/// The entry of `table` that causes `error`. Reading stops at the first wrong entry, so it is the entry with
+/// which the error first appears when the table is read entry by entry. `None` if the error is about the
+/// whole table, for instance a missing key.
 fn wrong_key<'t>(
     table: &'t toml::Table,
     error: &toml::de::Error,
@@ -412,7 +412,7 @@ fn wrong_key<'t>(
     })
 }
 
-/// Whether a setting says how the machine is used, so that no result depends on it.
+/// Whether a setting only affects how the machine is used, so that no result depends on it.
 fn is_of_machine(section: &str, key: &str) -> bool {
     section == "run" || (section, key) == ("input", "mmap")
 }

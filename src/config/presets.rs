@@ -1,4 +1,4 @@
-//! The presets: settings for a kind of scene that were tried out, by name.
+//! The presets, by name: tested settings for a kind of scene.
 
 use crate::config::ConfigError;
 

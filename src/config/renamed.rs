@@ -26,12 +26,12 @@ const RENAMED: &[Renamed] = &[
     renamed("density-peaks", "c_t", "merge_below"),
 ];
 
-/// The name of a setting today, if `key` is its old one.
+/// The current name of a setting, if `key` is its old name.
 pub(super) fn new_name(section: &str, key: &str) -> Option<&'static str> {
     RENAMED.iter().find(|renamed| renamed.section == section && renamed.old == key).map(|renamed| renamed.new)
 }
 
-/// The settings that were called `key`, dotted, as they are called today.
+/// The current names, dotted, of the settings that were called `key`.
 pub(super) fn once_called(key: &str) -> impl Iterator<Item = String> {
     let dotted = |renamed: &Renamed| format!("{}.{}", renamed.section, renamed.new);
     RENAMED.iter().filter(move |renamed| renamed.old == key).map(dotted)
@@ -42,7 +42,7 @@ pub(super) fn old_names() -> impl Iterator<Item = String> {
     RENAMED.iter().map(|renamed| format!("{}.{}", renamed.section, renamed.old))
 }
 
-/// A dotted name as it is today.
+/// The current form of a dotted name.
 pub(super) fn today(dotted: String) -> String {
     let renamed = dotted.split_once('.').and_then(|(section, key)| Some((section, new_name(section, key)?)));
     renamed.map(|(section, new)| format!("{section}.{new}")).unwrap_or(dotted)
