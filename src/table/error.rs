@@ -78,7 +78,7 @@ pub enum TableError {
         /// The field.
         found: String,
     },
-    /// A column that holds a number in some rows only.
+    /// A column with a number in some rows only.
     #[error(
         "line {line} of {path}, column {column}: {found:?} is not a finite number, but other rows have one",
         path = path.display()

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::table::TableError;
 use crate::table::split::{Separator, fields};
 
-/// Characters of a line that an error message shows.
+/// Number of characters of a line that an error message shows.
 const SHOWN: usize = 80;
 
 /// A table in memory: its text and the positions of its rows.
@@ -24,8 +24,8 @@ pub struct Table {
 }
 
 impl Table {
-    /// Reads a table; `-` is standard input. The separator is the one of the first line: commas, semicolons,
-    /// tabs or blanks. Empty lines are skipped.
+    /// Reads a table; `-` is standard input. The first line decides the separator: commas, semicolons, tabs
+    /// or blanks. Empty lines are skipped.
     ///
     /// # Errors
     /// [`TableError`] when the file cannot be read or has no rows, or has no header where one is expected.
@@ -139,12 +139,12 @@ impl Table {
         wanted.iter().map(find).collect()
     }
 
-    /// Indices of the columns that hold a finite number in every row. Columns without any number are not
-    /// among them.
+    /// Indices of the columns with a finite number in every row. Columns without any number are not among
+    /// them.
     ///
     /// # Errors
-    /// [`TableError::Mixed`] when a column holds a number in some rows only, because leaving it out would
-    /// change the result without a word. Or when a row has other fields than the first line.
+    /// [`TableError::Mixed`] when a column has a number in some rows only, because leaving it out would
+    /// silently change the result; or an error when a row has another number of fields than the first line.
     pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
         let mut numbers = vec![0; self.names.len()];
         // The first cell of each column that is not a number.
@@ -178,7 +178,7 @@ impl Table {
     /// The numbers of some columns, row by row.
     ///
     /// # Errors
-    /// [`TableError::Number`], or when a row has other fields than the first line.
+    /// [`TableError::Number`], or an error when a row has another number of fields than the first line.
     pub fn values(&self, columns: &[usize]) -> Result<Vec<f64>, TableError> {
         let mut values = Vec::with_capacity(self.rows.len() * columns.len());
         self.each_row(|line, fields| {

@@ -10,8 +10,8 @@ pub(super) enum Separator {
 }
 
 impl Separator {
-    /// The separator of a line: a comma, semicolon or tab if it has one outside quotes, in this order, else
-    /// blanks. If a quote is not closed, the line counts as one without quotes.
+    /// The separator of a line: a comma, semicolon or tab, in this order, if the line has one outside quotes,
+    /// or else blanks. If a quote is not closed, quotes are ignored.
     pub(super) fn of(line: &str) -> Self {
         let mut quoted = false;
         let bare: String = line
