@@ -104,7 +104,8 @@ pub(crate) fn program() -> clap::Command {
     let template = format!(
         "{{before-help}}{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{list}\nOptions:\n{{options}}{{after-help}}"
     );
-    // A negative number after an option is its value, so that the message says what is wrong with it.
+    // A negative number after an option is read as its value, so that the message says what is wrong with the
+    // value.
     let negative = |arg: clap::Arg| {
         let is_value = arg.get_action().takes_values() && !arg.is_positional();
         if is_value { arg.allow_negative_numbers(true) } else { arg }

@@ -2,8 +2,8 @@
 
 use std::io::IsTerminal;
 
-/// A word of a line on standard error in a colour (an ANSI code), if a person reads it in colours: on a
-/// terminal, unless NO_COLOR is set (no-color.org) or the terminal is `dumb`.
+/// A word for standard error in a colour (an ANSI code), if standard error is a terminal with colours: unless
+/// NO_COLOR is set (no-color.org) or the terminal is `dumb`.
 pub(crate) fn coloured(word: &str, code: u8) -> String {
     let set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");

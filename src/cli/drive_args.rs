@@ -44,7 +44,7 @@ impl Inputs {
                     .map_err(|source| InputError::Read { path: path.clone(), source })
                     .map_err(chainage::Error::from)?;
             }
-            // A folder without any LAS or LAZ file stays, so that it is named in an error.
+            // A folder without any LAS or LAZ file stays in the list, so that an error names it.
             if files.len() == before {
                 files.push(path.clone());
             }
@@ -54,8 +54,8 @@ impl Inputs {
 }
 
 /// Adds `folder` and the folders below it, in the order of their names, if they contain a LAS or LAZ file. A
-/// folder below it with a run is left out: it has copies of points. Symbolic links are not followed, because
-/// they may lead in a circle.
+/// folder below it with a run is left out, because it has copies of points. Symbolic links are not followed,
+/// because they may form a loop.
 fn folders_below(folder: &Path, found: &mut Vec<PathBuf>) -> std::io::Result<()> {
     let mut below = Vec::new();
     let mut has_files = false;
@@ -117,8 +117,8 @@ pub(crate) struct Choices {
 }
 
 impl Choices {
-    /// The settings of a call that resumes a run: those of the last call with these options, or those that a
-    /// call with this preset or file would have.
+    /// The settings of a call that resumes a run: the settings of the last call with these options applied,
+    /// or, if a preset or file is given, the settings of a new call.
     pub(crate) fn resolve_after(&self, last: &Path) -> chainage::Result<Config> {
         let begins_anew = self.preset.is_some() || self.config.is_some();
         self.resolve_over(if begins_anew { self.config.as_deref() } else { Some(last) }, &[])
@@ -151,7 +151,7 @@ pub(crate) struct SectionArgs {
 }
 
 impl SectionArgs {
-    /// The section as settings. It is checked here, so that the message names the options.
+    /// The section as settings. It is checked here, so that a message names the options.
     pub(crate) fn assignments(&self) -> chainage::Result<impl Iterator<Item = (&'static str, String)>> {
         if let (Some(from), Some(to)) = (self.from, self.to)
             && to != 0.0
@@ -216,7 +216,7 @@ fn methods(what: &str, names: &[&str], default: &str) -> String {
     format!("{what}: {} [default: {default}]", names.join(", "))
 }
 
-/// A number of threads.
+/// Reads a number of threads.
 fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(threads @ 1..=1_024) => Ok(threads),
@@ -224,19 +224,19 @@ fn threads(text: &str) -> Result<usize, String> {
     }
 }
 
-/// A length above zero, in metres.
+/// Reads a length above zero, in metres.
 fn metres(text: &str) -> Result<f64, String> {
     let length = number_or_length(text).filter(|length| *length > 0.0);
     length.ok_or_else(|| "must be a number above 0 m, for example 25 or 25m".to_owned())
 }
 
-/// A chainage in metres.
+/// Reads a chainage in metres.
 fn chainage(text: &str) -> Result<f64, String> {
     let metres = number_or_length(text).filter(|metres| *metres >= 0.0);
     metres.ok_or_else(|| "must be a chainage in metres, 0 or more, for example 250 or 1.2km".to_owned())
 }
 
-/// A finite number of metres, or a length with a unit.
+/// Reads a finite number of metres, or a length with a unit.
 fn number_or_length(text: &str) -> Option<f64> {
     let metres = text.parse().ok().or_else(|| quantities::length(text).ok());
     metres.filter(|metres: &f64| metres.is_finite())
@@ -304,8 +304,8 @@ impl Settings {
         self.choices.resolve_over(self.choices.config.as_deref(), &all)
     }
 
-    /// The same over the settings of a run, unless a file is given. These are all settings, so that nothing
-    /// of a preset would be left.
+    /// The same over the settings of a run, unless a file is given. The file of a run has all settings, so
+    /// --preset is refused: nothing of it would be left.
     pub(crate) fn resolve_over(&self, file: &Path) -> chainage::Result<Config> {
         if let Some(preset) = &self.choices.preset {
             let refused = ConfigError::value("--preset", preset, "left out: the run has settings of its own");
@@ -345,7 +345,7 @@ impl Settings {
     }
 }
 
-/// A size like 800M, 4G or 512 (MiB) in MiB.
+/// Reads a size like 800M, 4G or 512 (MiB) in MiB.
 fn mebibytes(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let unit = text[digits.len()..].to_ascii_uppercase();

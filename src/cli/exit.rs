@@ -1,4 +1,4 @@
-//! Exit codes, and how an error is reported: once, with its causes and the next command to type.
+//! Exit codes, and the report of an error: once, with its causes and the next command to type.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -26,7 +26,7 @@ pub(crate) const INTERRUPTED: u8 = 130;
 /// Result of a command: its exit code.
 pub(crate) type Outcome = Result<u8, CliError>;
 
-/// A command that did not do what was asked.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     /// The library returned an error.
@@ -38,7 +38,7 @@ pub(crate) enum CliError {
     /// The folder has no page to show.
     #[error("{path} has no report.html", path = path.display())]
     NoPage { path: PathBuf },
-    /// No server can be started.
+    /// The server cannot be started.
     #[error("cannot serve on 127.0.0.1{}", port_text(*port))]
     Serve { port: u16, source: io::Error },
 }
@@ -78,7 +78,7 @@ impl CliError {
         }
     }
 
-    /// What to type next.
+    /// The next command to type.
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
             Self::Library(error) => error.hint(),
@@ -91,8 +91,7 @@ impl CliError {
         }
     }
 
-    /// Reports the error on standard error: as text, or where standard error is lines of JSON, as one of
-    /// them.
+    /// Reports the error on standard error: as text, or as a line of JSON if standard error is lines of JSON.
     pub(crate) fn print(&self) {
         let text = if IS_JSON.load(Ordering::Relaxed) { self.line() } else { self.text() };
         // If standard error is closed, nothing can be reported.
@@ -133,7 +132,7 @@ pub(crate) fn report_as_json() {
 
 /// Runs the program, and returns its exit code. A panic outside a tile is a bug and is reported as one.
 pub(crate) fn guarded(program: impl FnOnce() -> u8) -> u8 {
-    // After a panic nothing of the program is used again.
+    // After a panic, no state of the program is used again.
     catch_unwind(AssertUnwindSafe(program)).unwrap_or_else(|panic| {
         let error = CliError::from(Error::from_panic(&*panic));
         error.print();

@@ -1,4 +1,5 @@
-//! The HTTP server of `chainage view`: it reads requests, and sends answers. Not: what is answered.
+//! The HTTP server of `chainage view`: it reads requests and sends answers. The content of the answers is
+//! made elsewhere.
 //!
 //! A request may come from any program on this machine, and from any page in its browsers. So the head of a
 //! request has a limit of bytes and of time, bodies are refused, and there is a limit of connections.
@@ -8,21 +9,21 @@ use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// Connections at the same time, one thread each. A download that its reader pauses keeps its thread, so
-/// there are many more than the six connections that a browser opens.
+/// Largest number of simultaneous connections, one thread each. A paused download keeps its thread, so there
+/// are many more than the six connections that a browser opens.
 const CONNECTIONS: usize = 128;
-/// Bytes of the head of a request, at most.
+/// Largest number of bytes of the head of a request.
 const HEAD_BYTES: usize = 16 << 10;
-/// Headers of a request, at most.
+/// Largest number of headers of a request.
 const HEADERS: usize = 64;
 /// Time for the whole head of a request, and for the next request on a connection.
 const HEAD_TIME: Duration = Duration::from_secs(5);
-/// A download that stands still for so long is ended. A browser continues it with a range.
+/// Time after which a stalled download is ended. A browser continues it with a range.
 const STILL: Duration = Duration::from_secs(600);
-/// What a client still sends after a refusal is read for so long, and up to so many bytes.
+/// Time and number of bytes for which the server still reads after a refusal.
 const LINGER_TIME: Duration = Duration::from_secs(1);
 const LINGER_BYTES: usize = 256 << 10;
-/// Rest after a connection could not be accepted, for example without a free file descriptor.
+/// Pause after a connection could not be accepted, for example because no file descriptor was free.
 const REST: Duration = Duration::from_millis(100);
 
 /// The head of a request. It has no body.
@@ -44,10 +45,10 @@ impl Request {
     }
 }
 
-/// What is sent back.
+/// An answer.
 pub(crate) struct Answer {
     pub(crate) status: u16,
-    /// Without those of the connection, the length and the date.
+    /// The headers, except those of the connection, the length and the date.
     pub(crate) headers: Vec<(&'static str, String)>,
     /// Bytes of the body.
     pub(crate) length: u64,
@@ -67,7 +68,7 @@ impl Answer {
     }
 }
 
-/// Answers requests for as long as the process lives. An answer that is being sent ends with it.
+/// Answers requests as long as the process lives. An answer that is being sent ends with the process.
 pub(crate) fn serve(
     listener: &TcpListener,
     answer: &Arc<impl Fn(&Request) -> Answer + Send + Sync + 'static>,
@@ -87,7 +88,7 @@ pub(crate) fn serve(
         let (answer, mine) = (Arc::clone(answer), Arc::clone(&open));
         // Without a thread, the connection is dropped. The client may try again.
         let _ = std::thread::Builder::new().spawn(move || {
-            // A client that goes away is no failure of the server.
+            // A client that disconnects is not a failure of the server.
             let _ = converse(&stream, answer.as_ref());
             drop(mine);
         });
@@ -116,17 +117,17 @@ fn converse(stream: &TcpStream, answer: &impl Fn(&Request) -> Answer) -> io::Res
     }
 }
 
-/// What comes next on a connection.
+/// The next event on a connection.
 #[derive(Debug)]
 enum Next {
     Request(Request),
-    /// The status of the refusal. What follows on the connection cannot be understood.
+    /// The status of the refusal. The following bytes on the connection cannot be understood.
     Refused(u16),
-    /// The client has closed the connection, or says nothing more.
+    /// The client has closed the connection, or sends nothing more.
     End,
 }
 
-/// Reads the head of a request. `bytes` holds what was received and not yet understood.
+/// Reads the head of a request. `bytes` are the received bytes that are not parsed yet.
 fn next_request(mut stream: &TcpStream, bytes: &mut Vec<u8>) -> io::Result<Next> {
     let deadline = Instant::now() + HEAD_TIME;
     let mut block = [0; 4 << 10];
@@ -139,7 +140,7 @@ fn next_request(mut stream: &TcpStream, bytes: &mut Vec<u8>) -> io::Result<Next>
             Parsed::Refused(status) => return Ok(Next::Refused(status)),
             Parsed::Partial => {}
         }
-        // One deadline for all of the head: bytes that trickle in do not extend it.
+        // One deadline for the whole head: bytes that trickle in do not extend it.
         let left = deadline.saturating_duration_since(Instant::now());
         let late = if bytes.is_empty() { Next::End } else { Next::Refused(408) };
         if left.is_zero() {
@@ -160,12 +161,12 @@ fn is_late(error: &io::Error) -> bool {
     matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
 
-/// What the bytes of a connection are.
+/// The result of parsing the bytes of a connection.
 #[derive(Debug)]
 enum Parsed {
-    /// A request, and the bytes that it takes.
+    /// A request, and the number of its bytes.
     Whole(Request, usize),
-    /// The beginning of one.
+    /// The beginning of a request.
     Partial,
     /// The status of the refusal.
     Refused(u16),
@@ -195,8 +196,8 @@ fn parsed(bytes: &[u8]) -> Parsed {
         headers,
         closes: head.version == Some(0),
     };
-    // Nothing that is served needs a body, so none is read, whatever its length is said to be. A client that
-    // waits for "100 Continue" gets the refusal instead (RFC 9110, section 10.1.1).
+    // No request needs a body, so none is read, whatever its stated length. A client that waits for "100
+    // Continue" gets the refusal instead (RFC 9110, section 10.1.1).
     let has_body = request.values("Transfer-Encoding").next().is_some()
         || request.values("Content-Length").any(|length| length.trim() != "0");
     if has_body {
@@ -210,7 +211,8 @@ fn parsed(bytes: &[u8]) -> Parsed {
     Parsed::Whole(request, length)
 }
 
-/// Headers of every answer: nothing is guessed, kept, framed, or read by pages of other sites.
+/// Headers of every answer: browsers do not guess types, keep copies, or let pages of other sites frame or
+/// read it.
 const GUARDS: [(&str, &str); 5] = [
     ("X-Content-Type-Options", "nosniff"),
     ("Cache-Control", "no-store"),
@@ -229,10 +231,11 @@ fn send(stream: &TcpStream, answer: Answer, is_head: bool, closes: bool) -> io::
     {
         write!(to, "{name}: {value}\r\n")?;
     }
-    // With its length and not in chunks, so that a browser shows how much is left.
+    // The answer has its length and is not sent in chunks, so that a browser shows the remaining part.
     write!(to, "Content-Length: {length}\r\n\r\n")?;
     if !is_head && io::copy(&mut body.take(length), &mut to)? < length {
-        // The file became shorter. Only the end of the connection can say so after the length was sent.
+        // The file became shorter. After the length was sent, only the end of the connection can tell the
+        // client.
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     to.flush()

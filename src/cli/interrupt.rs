@@ -1,4 +1,4 @@
-//! What Ctrl-C and other signals do.
+//! The effect of Ctrl-C and other signals.
 
 use std::sync::Arc;
 
@@ -9,22 +9,23 @@ use signal_hook::iterator::Signals;
 
 use crate::cli::exit::{self, CliError};
 
-/// The first Ctrl-C finishes what is in flight; the second leaves at once. Both resume. The end of the
-/// session and `kill` do the same. `nohup` has the program ignore the end of the session, and it does.
-/// Ctrl-C is heard even if it is ignored, as in the background of a script: `kill -INT` ends a run there.
+/// Installs the handlers. The first Ctrl-C finishes the units in flight; the second one exits at once. After
+/// both, a run can resume. The end of the session and `kill` do the same. Under `nohup`, the program ignores
+/// the end of the session. Ctrl-C is handled even if it was ignored, as in the background of a script, so
+/// that `kill -INT` ends a run there.
 pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     let cancel = Arc::clone(cancel);
     let hang_up = (!is_ignored(SIGHUP)).then_some(SIGHUP);
     let heard = [SIGINT, SIGTERM].into_iter().chain(hang_up);
     let failed = |source| CliError::Write { target: "the handler of Ctrl-C".to_owned(), source };
     let mut signals = Signals::new(heard).map_err(failed)?;
-    // With a handler that does nothing, a file above the limit of its size is an error with a path. The
-    // system would end the process without a word.
+    // With a handler that does nothing, a file above the limit of file sizes gives an error with a path.
+    // Otherwise, the system would silently end the process.
     flag::register(SIGXFSZ, Arc::default()).map_err(failed)?;
     let wait = move || {
         for (count, _) in signals.forever().enumerate() {
             if count > 0 {
-                // The state is consistent at every moment, so leaving at once loses only what is in flight.
+                // The state is consistent at every moment, so exiting at once loses only the units in flight.
                 leave();
             }
             cancel.cancel();
@@ -33,7 +34,8 @@ pub(crate) fn listen(cancel: &Arc<CancelToken>) -> Result<(), CliError> {
     std::thread::Builder::new().name("signals".to_owned()).spawn(wait).map(drop).map_err(failed)
 }
 
-/// Whether this process ignored a signal when it began. Only Linux tells: as bits, counted from signal 1.
+/// Whether this process ignored a signal when it started. Only Linux reports this: as bits, counted from
+/// signal 1.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -1,10 +1,10 @@
-//! Numbers on the command line. The messages about others say what is accepted, and give an example.
+//! Numbers on the command line. Messages about invalid ones say what is accepted, and give an example.
 
 use std::ops::RangeInclusive;
 
 use clap::builder::{StringValueParser, TypedValueParser};
 
-/// A whole number in a range.
+/// A parser of a whole number in a range.
 pub(crate) fn whole<T>(range: RangeInclusive<u64>, example: u64) -> impl TypedValueParser<Value = T>
 where
     T: TryFrom<u64> + Clone + Send + Sync + 'static,
@@ -21,7 +21,7 @@ where
     })
 }
 
-/// A number, with or without a fraction.
+/// A parser of a number, with or without a fraction.
 pub(crate) fn real(example: &'static str) -> impl TypedValueParser<Value = f64> {
     StringValueParser::new().try_map(move |text| {
         let number = text.parse().ok().filter(|number: &f64| number.is_finite());

@@ -53,7 +53,8 @@ impl JsonOutput {
         self.json.as_deref().is_some_and(is_standard_output)
     }
 
-    /// Refuses a file in the folder `out` that the command itself writes, as `is_owned` says of its name.
+    /// Refuses a file in the folder `out` that the command itself writes, according to `is_owned` for its
+    /// name.
     pub(crate) fn spares(&self, out: &Path, is_owned: impl Fn(&str) -> bool) -> Result<(), CliError> {
         let Some(path) = self.json.as_deref().filter(|path| !is_standard_output(path)) else { return Ok(()) };
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -66,7 +67,7 @@ impl JsonOutput {
         Ok(())
     }
 
-    /// Prints the page, unless JSON is printed; writes JSON to a file.
+    /// Prints the page, unless JSON is printed. Writes JSON to a file, if one was given.
     pub(crate) fn show(&self, value: &impl Serialize, page: impl FnOnce() -> String) -> Result<(), CliError> {
         if self.deliver(value)? { Ok(()) } else { text(&page()) }
     }
@@ -79,7 +80,7 @@ impl JsonOutput {
         })
     }
 
-    /// The same for JSON that `content` writes.
+    /// The same, for JSON that `content` writes.
     pub(crate) fn deliver_by(
         &self,
         content: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -104,8 +105,8 @@ pub(crate) fn deliver(
     }
 }
 
-/// Reads the name of a file for a result. A name that cannot be written, or that is the name of a scan, is
-/// refused before anything is computed.
+/// A parser of the name of a file for a result. A file that cannot be written, or that is a scan, is refused
+/// before anything is computed.
 pub(crate) fn target() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
         if is_standard_output(&path) {
@@ -118,7 +119,7 @@ pub(crate) fn target() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// Reads the name of a folder for results.
+/// A parser of the name of a folder for results.
 pub(crate) fn folder() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| {
         if is_standard_output(&path) {

@@ -30,7 +30,7 @@ pub(crate) enum ProgressChoice {
 }
 
 impl ProgressChoice {
-    /// From now on, errors are reported as lines of JSON if progress is.
+    /// Makes errors from now on lines of JSON if progress is shown as JSON.
     fn prepare(self) -> Self {
         if self == Self::Json {
             exit::report_as_json();
@@ -49,7 +49,8 @@ pub(crate) struct Quiet {
 }
 
 impl Quiet {
-    /// Whether a command that has a display of its own shows it: a person reads it, and has not refused it.
+    /// Whether a command with a display of its own shows it: standard error is a terminal, and --quiet was
+    /// not given.
     pub(crate) fn shows(&self) -> bool {
         !self.quiet && std::io::stderr().is_terminal()
     }
@@ -67,7 +68,7 @@ pub(crate) struct Kind {
 }
 
 impl Kind {
-    /// The kind of progress. Call it first: from then on, errors have this form as well.
+    /// The kind of progress. Call it first: from then on, errors have this format as well.
     pub(crate) fn progress(&self) -> ProgressChoice {
         if self.quiet.quiet { ProgressChoice::None } else { self.progress.prepare() }
     }
@@ -85,7 +86,7 @@ pub(crate) struct Show {
 }
 
 impl Show {
-    /// The kind of progress. Call it first: from then on, errors have this form as well.
+    /// The kind of progress. Call it first: from then on, errors have this format as well.
     pub(crate) fn progress(&self) -> ProgressChoice {
         if self.verbose { ProgressChoice::Units } else { self.kind.progress() }
     }
@@ -105,7 +106,7 @@ pub(crate) struct Progress {
 #[derive(Debug)]
 struct State {
     bar: Option<ProgressBar>,
-    /// Points of the pass, those done, and those done by an earlier run.
+    /// Points of the pass, points done so far, and points done by an earlier run.
     total: u64,
     done: u64,
     begun_with: u64,
@@ -119,7 +120,7 @@ struct State {
 /// Seconds between lines of a pass in plain progress.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 
-/// The passes of the whole run, for the time that is left.
+/// The passes of the whole run, for the remaining time.
 #[derive(Debug, Default)]
 struct Whole {
     /// Number of the current pass, from 1.
@@ -131,7 +132,7 @@ struct Whole {
     cost: f64,
 }
 
-/// Times of passes relative to the survey. They divide the time that is left among the passes ahead.
+/// Times of passes relative to the survey. The remaining time is estimated from them.
 ///
 /// Source: `passes` of `chainage run --json` on the synthetic drives downtown_ts2 (2.0 M points) and
 /// suburb_ts1 (4.0 M points), every method with its default settings, means of both. The passes of `street`
@@ -169,11 +170,11 @@ const COSTS: [(&str, f64); 25] = [
     ("inventory", 0.6),
     ("export", 3.0),
 ];
-/// A round of the contest of `p-linkage`.
+/// Cost of a round of the contest of `p-linkage`.
 const CONTEST: f64 = 1.1;
-/// Where the objects are surfaces, their planes are fitted as well.
+/// Cost of the inventory if the objects are surfaces, because their planes are fitted as well.
 const INVENTORY_OF_SURFACES: f64 = 3.2;
-/// A pass that was not measured.
+/// Cost of a pass that was not measured.
 const OTHER: f64 = 1.0;
 
 impl Whole {
@@ -190,7 +191,7 @@ impl Whole {
         }
     }
 
-    /// Counts a pass that was computed in so many seconds.
+    /// Counts a pass that was computed in `seconds`.
     fn finish(&mut self, pass: &str, seconds: f64) {
         self.seconds += seconds;
         self.cost += self.cost(pass);
@@ -202,15 +203,15 @@ impl Whole {
         Some(&self.ahead[at + 1..])
     }
 
-    /// ` 2 of 8` once all passes are known. A pass that settles is named once ahead and may start several
-    /// times, so the number of all may grow.
+    /// ` 2 of 8` once all passes are known. A pass that settles is announced once but may start several
+    /// times, so the total may grow.
     fn place(&self, pass: &str) -> String {
         let all = |after: &[&str]| format!(" {} of {}", self.number, self.number + after.len());
         self.after(pass).map_or_else(String::new, all)
     }
 
-    /// Seconds that are left in all, when the current pass has run for `elapsed` seconds and needs `left`
-    /// more. `None` before the passes are known.
+    /// Remaining seconds of the run, if the current pass has run for `elapsed` seconds and needs `left` more.
+    /// `None` before the passes are known.
     fn left(&self, pass: &str, elapsed: f64, left: f64) -> Option<f64> {
         let later: f64 = self.after(pass)?.iter().map(|name| self.cost(name)).sum();
         let per_cost = (self.seconds + elapsed + left) / (self.cost + self.cost(pass));
@@ -232,8 +233,8 @@ impl State {
         self.whole.start();
     }
 
-    /// Points per second in this pass, and the seconds that are left in it. `None` before any point of it
-    /// is done.
+    /// Points per second in this pass, and its remaining seconds. `None` before any point of the pass is
+    /// done.
     fn pace(&self, elapsed: f64) -> Option<(f64, f64)> {
         let done = (self.done - self.begun_with) as f64;
         let rate = done / elapsed.max(1e-9);
@@ -251,7 +252,7 @@ impl State {
     }
 }
 
-/// A time that is left, as one number.
+/// A remaining time, as one number with a unit.
 pub(crate) fn time(seconds: f64) -> String {
     match seconds {
         ..100.0 => format!("{seconds:.0} s"),
@@ -416,7 +417,8 @@ mod tests {
         assert_eq!(places, expected);
     }
 
-    /// A run of 9 s, of which the survey and the ground took 0.7 and 1.7 s, has no 26 s left.
+    /// In a run of 9 s, after the survey and the ground took 0.7 and 1.7 s, the time left must not be given
+    /// as 26 s.
     #[test]
     fn the_steps_of_street_have_costs_of_their_own() {
         let ahead = [

@@ -1,6 +1,7 @@
 //! Quantities on the command line: a number and a unit.
 
-/// A number with one of the units; the factor of the unit is applied. `what` is its kind with an article.
+/// Reads a number with one of the units, and applies the factor of the unit. `what` is the kind of quantity
+/// with an article.
 fn quantity(what: &str, example: &str, text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let text = text.trim();
     let end = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
@@ -14,17 +15,17 @@ fn quantity(what: &str, example: &str, text: &str, units: &[(&str, f64)]) -> Res
     factor.map(|factor| number * factor).ok_or_else(unknown)
 }
 
-/// A length in metres.
+/// Reads a length in metres.
 pub(crate) fn length(text: &str) -> Result<f64, String> {
     quantity("a length", "500m", text, &[("m", 1.0), ("km", 1e3), ("cm", 0.01), ("mm", 0.001), ("", 1.0)])
 }
 
-/// A time in seconds.
+/// Reads a time in seconds.
 pub(crate) fn seconds(text: &str) -> Result<f64, String> {
     quantity("a time", "60s", text, &[("s", 1.0), ("min", 60.0), ("h", 3_600.0), ("", 1.0)])
 }
 
-/// A rate per second.
+/// Reads a rate per second.
 pub(crate) fn rate(text: &str) -> Result<f64, String> {
     quantity(
         "a rate",
@@ -34,7 +35,7 @@ pub(crate) fn rate(text: &str) -> Result<f64, String> {
     )
 }
 
-/// A count like 500k, 2M or 1234.
+/// Reads a count like 500k, 2M or 1234.
 pub(crate) fn count(text: &str) -> Result<u64, String> {
     let refused = || format!("{text} is not a count like 1234, 500k or 2M");
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());

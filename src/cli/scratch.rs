@@ -6,7 +6,7 @@ use chainage::scratch_folder::{NoScratchFolder, ScratchFolder};
 
 use crate::cli::exit::CliError;
 
-/// A new folder inside `chosen`, which is made if it is not there.
+/// A new folder inside `chosen`, which is made if it does not exist.
 pub(crate) fn folder(chosen: Option<&Path>, command: &str) -> Result<ScratchFolder, CliError> {
     let parent = chosen.map_or_else(std::env::temp_dir, Path::to_owned);
     std::fs::create_dir_all(&parent)

@@ -1,5 +1,5 @@
-//! What the server of `chainage view` answers: which requests it refuses, which file a path names, which
-//! bytes of it. No files are read here except to resolve links.
+//! The rules of the server of `chainage view`: which requests it refuses, which file a path names, and which
+//! bytes of the file are sent. No files are read here, except to resolve links.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -10,11 +10,11 @@ pub(crate) const PAGE: &str = "report.html";
 /// Why a request is refused, as a status of HTTP (RFC 9110, section 15.5).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Refusal {
-    /// The path is not one.
+    /// The path is malformed.
     BadRequest = 400,
-    /// Another host was asked for.
+    /// The request names another host.
     Forbidden = 403,
-    /// There is no such file, or it is none of the outputs.
+    /// There is no such file, or it is not one of the outputs.
     NotFound = 404,
     /// Neither GET nor HEAD.
     MethodNotAllowed = 405,
@@ -22,8 +22,8 @@ pub(crate) enum Refusal {
     RangeNotSatisfiable = 416,
 }
 
-/// Checks the values of all Host headers. A page of another site can make a browser send requests here, under
-/// a name of that site (DNS rebinding); only requests under our own names are answered.
+/// Checks the values of all Host headers. A page of another site can make a browser send requests here under
+/// a name of that site (DNS rebinding), so only requests under our own names are answered.
 pub(crate) fn check_host<'a>(hosts: impl IntoIterator<Item = &'a str>, port: u16) -> Result<(), Refusal> {
     let mut hosts = hosts.into_iter();
     let ours = hosts.next().is_some_and(|host| {
@@ -37,7 +37,7 @@ pub(crate) fn check_host<'a>(hosts: impl IntoIterator<Item = &'a str>, port: u16
 }
 
 /// The file of `root` that the target of a request names. `root` is resolved. Names that begin with a dot are
-/// never served: they are the state.
+/// never served, because they belong to the state.
 pub(crate) fn file_of(root: &Path, target: &str) -> Result<PathBuf, Refusal> {
     let path = target.split(['?', '#']).next().unwrap_or_default();
     let path = path.strip_prefix('/').ok_or(Refusal::BadRequest)?;
@@ -45,7 +45,7 @@ pub(crate) fn file_of(root: &Path, target: &str) -> Result<PathBuf, Refusal> {
     let mut file = root.to_owned();
     for part in path.split('/') {
         let name = decoded(part).ok_or(Refusal::BadRequest)?;
-        // After decoding, so that no encoded form has another meaning.
+        // Checked after decoding, so that an encoded form is treated the same.
         if name.is_empty() || name.contains(['/', '\\', ':']) || name.contains(|c: char| c.is_control()) {
             return Err(Refusal::BadRequest);
         }
@@ -54,7 +54,7 @@ pub(crate) fn file_of(root: &Path, target: &str) -> Result<PathBuf, Refusal> {
         }
         file.push(name);
     }
-    // Links are followed, and must end inside.
+    // Links are followed, but must end inside `root`.
     let found = fs_err::canonicalize(&file).map_err(|_| Refusal::NotFound)?;
     let inside = found.strip_prefix(root).map_err(|_| Refusal::NotFound)?;
     let hidden = inside.iter().any(|part| part.to_string_lossy().starts_with('.'));
@@ -80,15 +80,15 @@ fn decoded(part: &str) -> Option<String> {
     String::from_utf8(bytes).ok()
 }
 
-/// The bytes that a Range header asks for in a file of `length` bytes. `None` for the whole file: without a
-/// header, with several ranges, and with one that is not understood (RFC 9110, section 14.2).
+/// The bytes of a file of `length` bytes that a Range header requests. `None` for the whole file: without a
+/// header, with several ranges, and with a range that is not understood (RFC 9110, section 14.2).
 pub(crate) fn range_of(header: Option<&str>, length: u64) -> Result<Option<Range<u64>>, Refusal> {
     let Some((first, last)) = header.and_then(|text| text.strip_prefix("bytes=")?.split_once('-')) else {
         return Ok(None);
     };
     let number = |text: &str| {
         let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-        // More digits than u64 has: beyond the end of any file.
+        // A number with more digits than u64 is beyond the end of any file.
         digits.then(|| text.parse().unwrap_or(u64::MAX))
     };
     let range = match (number(first.trim()), number(last.trim()), first.trim(), last.trim()) {

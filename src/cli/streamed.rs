@@ -1,5 +1,5 @@
-//! The points that `chainage view` streams: what the target of a request asks of `drive.copc.laz`, and the
-//! open file.
+//! The points that `chainage view` streams: the part of `drive.copc.laz` that a request names, and the open
+//! file.
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,7 +13,7 @@ use crate::cli::served::Refusal;
 /// Name of the file with all points.
 const CLOUD: &str = "drive.copc.laz";
 
-/// What a request asks of the file.
+/// The part of the file that a request names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Part {
     /// The table of its nodes.
@@ -22,7 +22,7 @@ pub(crate) enum Part {
     Node([u32; 4]),
 }
 
-/// The part that the target of a request asks for, which names `file`. `None` for the file itself.
+/// The part that the target of a request names; its path names `file`. `None` for the file itself.
 pub(crate) fn part_of(target: &str, file: &Path) -> Result<Option<Part>, Refusal> {
     let query = target.split('#').next().and_then(|target| target.split_once('?')).map(|(_, query)| query);
     match query.filter(|_| file.file_name().is_some_and(|name| name == CLOUD)) {
@@ -43,7 +43,7 @@ fn key_of(text: &str) -> Option<[u32; 4]> {
     numbers?.try_into().ok()
 }
 
-/// The file, opened when it is first asked for, and again when it has changed.
+/// The file, opened at the first request, and again after it has changed.
 #[derive(Debug, Default)]
 pub(crate) struct Cloud(Mutex<Option<Opened>>);
 
@@ -72,7 +72,7 @@ impl Cloud {
         let failed = |source| InputError::Read { path: path.to_owned(), source };
         let metadata = fs_err::metadata(path).map_err(failed)?;
         let (bytes, changed) = (metadata.len(), metadata.modified().map_err(failed)?);
-        // What is behind the lock is replaced as a whole, so a panic of another thread leaves it valid.
+        // The value behind the lock is replaced as a whole, so it stays valid if another thread panics.
         let mut opened = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         match opened.as_ref().filter(|opened| (opened.bytes, opened.changed) == (bytes, changed)) {
             Some(opened) => Ok(Arc::clone(&opened.stream)),

@@ -1,4 +1,5 @@
-//! The rows of a table as points: which columns, and whether they are standardised; and epsilon over them.
+//! The rows of a table as points, from some columns, standardised or not; and the estimate of epsilon over
+//! them.
 
 use std::path::Path;
 

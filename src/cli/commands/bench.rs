@@ -75,7 +75,7 @@ impl BenchArgs {
         let mut output_bytes = input_bytes;
         let shown = self.shown();
         let begun = Instant::now();
-        // One more round comes first and is not counted: it brings the input into the page cache.
+        // An additional round comes first and is not counted: it brings the input into the page cache.
         for round in 0..=self.rounds {
             settle(&paths, output_bytes, scratch)?;
             let floor = copy_floor(&paths, output_bytes, scratch, false)?;
@@ -102,7 +102,7 @@ impl BenchArgs {
         Ok(self.report(&config, input_bytes, &floors, &runs, &codecs))
     }
 
-    /// The bar of all runs. Only a person at a terminal waits.
+    /// The progress bar of all runs, shown only on a terminal.
     fn shown(&self) -> ProgressBar {
         if !self.show.shows() {
             return ProgressBar::hidden();
@@ -206,7 +206,7 @@ impl BenchArgs {
     }
 }
 
-/// Which run is measured, and the time that is left, when `done` runs took `seconds`.
+/// Which run is measured, and the time left, if `done` runs took `seconds`.
 fn place(rounds: u16, done: u64, seconds: f64) -> String {
     let (round, threads) = (done / 2, print::counted(done % 2 + 1, "thread"));
     let mut text = match round {
@@ -220,9 +220,9 @@ fn place(rounds: u16, done: u64, seconds: f64) -> String {
     text
 }
 
-/// Brings the machine into the same state before each measurement. Nothing is left to be written back, and as
-/// much memory as the output takes was in use just before. A virtual machine gives unused memory back to its
-/// host and pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
+/// Brings the machine into the same state before each measurement: nothing is left to be written back, and
+/// the same amount of memory as the output takes was in use just before. A virtual machine gives unused
+/// memory back to its host and pays for every page that it needs again: the same copy took 1.1 or 3.0 s.
 fn settle(paths: &[PathBuf], output_bytes: u64, scratch: &Path) -> Result<(), CliError> {
     // Without `sync`, the figures only vary more.
     let _ = Command::new("sync").status();

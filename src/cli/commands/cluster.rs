@@ -1,5 +1,5 @@
-//! `chainage cluster`: reads the rows of a table and writes them with the number of their cluster. Not: any
-//! method.
+//! `chainage cluster`: reads the rows of a table and writes them with the number of their cluster. The
+//! methods are in the library.
 
 use std::path::PathBuf;
 
@@ -135,7 +135,7 @@ struct Found {
     clusters: u32,
     /// The settings and the values derived from them.
     facts: Value,
-    /// The same in a line.
+    /// The same as one line of text.
     line: String,
 }
 
@@ -181,7 +181,7 @@ impl ClusterArgs {
         Ok(exit::DONE)
     }
 
-    /// One output at most goes to standard output.
+    /// Refuses more than one output to standard output.
     fn one_standard_output(&self) -> Result<(), ConfigError> {
         let mut taken = is_standard_output(&self.out).then_some("--out");
         let svg_printed = self.dbscan.svg.as_deref().is_some_and(is_standard_output);
@@ -200,7 +200,7 @@ impl ClusterArgs {
         Ok(())
     }
 
-    /// Options of the other method are refused, and a drawing of the estimate if nothing is estimated.
+    /// Refuses options of the other method, and a drawing of the estimate if nothing is estimated.
     fn nothing_in_vain(&self) -> Result<(), ConfigError> {
         let DbscanArgs { variant, epsilon, k, min_points, max_points, svg: _ } = &self.dbscan;
         let PLinkageArgs { scale, merge } = &self.p_linkage;

@@ -15,7 +15,7 @@ use crate::cli::progress::Show;
 pub(super) const SAMPLE: &[u8] = include_bytes!("../../../tests/data/tree_road_sweep.laz");
 pub(super) const SAMPLE_NAME: &str = "tree_road_sweep.laz";
 
-/// One sweep has about a hundredth of the points of a drive: objects may be smaller.
+/// Smaller objects are accepted, because one sweep has about a hundredth of the points of a drive.
 const SETTING: &str = "street.min_points=10";
 
 #[derive(Debug, clap::Args)]

@@ -71,7 +71,7 @@ pub(crate) struct EstimateArgs {
 
 impl EstimateArgs {
     pub(crate) fn run(&self) -> Outcome {
-        // First, because errors have the form of the progress.
+        // First, because errors have the same format as the progress.
         let progress = Progress::new(self.show.progress());
         if self.svg.as_deref().is_some_and(is_standard_output) && self.json.is_printed() {
             return Err(refused("--svg", "-", "a file when --json is standard output").into());
@@ -115,7 +115,7 @@ impl EstimateArgs {
         let config = self.settings.resolve(&set)?;
         let cancel = Arc::new(CancelToken::default());
         interrupt::listen(&cancel)?;
-        // Without --out, the state is temporary. It is removed with the folder.
+        // Without --out, the state is temporary and is removed with the folder.
         let (out, _temporary) = match &self.out {
             Some(out) => (out.clone(), None),
             None => {

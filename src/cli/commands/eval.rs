@@ -1,4 +1,5 @@
-//! `chainage eval`: arguments to settings, and results to files and terminal. Not: any figure.
+//! `chainage eval`: turns arguments into settings, and writes results to files and terminal. The figures are
+//! made in the library.
 
 use std::path::{Path, PathBuf};
 
@@ -106,12 +107,12 @@ pub(crate) struct EvalArgs {
     worst: usize,
 }
 
-/// The library words the error; clap adds the option and the value.
+/// Reads a tolerance. The library words the error; clap adds the option and the value.
 fn tolerance(text: &str) -> Result<Tolerance, String> {
     text.parse().map_err(|error: ConfigError| error.to_string())
 }
 
-/// What the user should know if a folder has the result of a section: it is scored like a whole drive.
+/// The warning if a folder has the result of a section, which is scored like a whole drive.
 fn section_warning(folder: &Path) -> Option<String> {
     let report: serde_json::Value =
         serde_json::from_slice(&std::fs::read(folder.join("report.json")).ok()?).ok()?;
@@ -124,7 +125,7 @@ fn section_warning(folder: &Path) -> Option<String> {
 }
 
 impl EvalArgs {
-    /// Compares, and shows or writes what was asked for.
+    /// Compares, and shows or writes the requested results.
     pub(crate) fn run(&self) -> Outcome {
         let (counted, metrics, trajectory, provenance) = self.compare()?;
         let evaluation = Evaluation::of(counted.table, &metrics, counted.lattice);
@@ -138,7 +139,7 @@ impl EvalArgs {
     fn compare(&self) -> chainage::Result<(Counted, MetricSettings, Option<Axis>, Provenance)> {
         self.one_standard_output()?;
         // Every record is read once, so mapping saves no time. How many pages of a mapped file are resident
-        // depends on how it came into the page cache (7 to 18 MB of four blocks of 2 MB, Linux 6.18).
+        // depends on how the file came into the page cache (7 to 18 MB for four blocks of 2 MB, Linux 6.18).
         let options = InputOptions { mmap: false, ..InputOptions::default() };
         let metrics = self.metrics()?;
         let trajectory = self.trajectory.as_deref().map(Axis::read).transpose()?;

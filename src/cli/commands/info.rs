@@ -58,7 +58,7 @@ fn page(facts: &DriveFacts) -> String {
         print::bytes(facts.bytes)
     ));
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        // In the unit of the files, as every other program shows them.
+        // Coordinates are shown in the unit of the files, as in every other program.
         let unit_m = facts.units_m[axis];
         let unit = unit_symbol(unit_m);
         let (low, high) = (facts.min_m[axis] / unit_m, facts.max_m[axis] / unit_m);

@@ -1,4 +1,4 @@
-//! One command, one file, named as it is typed.
+//! The commands: one file each, named as the command is typed.
 
 pub(crate) mod bench;
 pub(crate) mod cluster;

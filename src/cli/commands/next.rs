@@ -31,7 +31,7 @@ pub(super) fn shared(out: &std::path::Path, wait_s: u64) -> SharedRun<'static> {
     SharedRun { out: out.to_owned(), wait, registries: Registries::default() }
 }
 
-/// What is due, for a person.
+/// The due pass and its units, for a person.
 pub(super) fn page(due: &DueUnits) -> String {
     let Some(pass) = &due.pass else {
         return "  finished: every output is complete\n".to_owned();

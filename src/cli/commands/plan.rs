@@ -85,7 +85,7 @@ impl PlanArgs {
     }
 }
 
-/// The time to expect, in seconds or minutes.
+/// The expected time, in seconds or minutes.
 fn time((least, most): (f64, f64)) -> String {
     match most {
         ..1.5 => "about 1 s".to_owned(),
@@ -94,7 +94,7 @@ fn time((least, most): (f64, f64)) -> String {
     }
 }
 
-/// What is stored.
+/// The space on disk, in words.
 fn disk(plan: &PlanFacts) -> String {
     let mut text = format!("{} of state", print::bytes(plan.state_bytes));
     if plan.copies {

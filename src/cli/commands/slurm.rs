@@ -10,7 +10,7 @@ use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
 use crate::cli::{exit, print};
 
-/// The script, with places for what the arguments say.
+/// The script, with placeholders for the values of the arguments.
 const SCRIPT: &str = include_str!("slurm.sh");
 
 #[derive(Debug, clap::Args)]
@@ -32,7 +32,7 @@ pub(crate) struct SlurmArgs {
 
 impl SlurmArgs {
     pub(crate) fn run(&self) -> Outcome {
-        // Wrong settings and inputs are refused here, and not in a job.
+        // Wrong settings and inputs are refused here, not only in a job.
         let config = self.settings.resolve(&[])?;
         let inputs = self.inputs.files()?;
         check_inputs(&inputs, &config)?;
@@ -64,13 +64,13 @@ fn check_inputs(inputs: &[PathBuf], config: &Config) -> Result<(), CliError> {
     Ok(Catalog::open(inputs, &options).map(|_| ()).map_err(chainage::Error::from)?)
 }
 
-/// A path that holds in any working directory.
+/// A path that is valid in any working directory.
 fn absolute(path: &Path) -> Result<PathBuf, CliError> {
     let failed = |source| chainage::Error::from(InputError::Read { path: path.to_owned(), source });
     Ok(std::path::absolute(path).map_err(failed)?)
 }
 
-/// A word for the shell.
+/// A word, quoted for the shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -41,7 +41,8 @@ fn page(state: &RunStatus, why: bool) -> String {
         .map(|pass| {
             let shown =
                 |count: Option<usize>| count.map_or_else(|| "-".to_owned(), |count| count.to_string());
-            // Of a finished run, the state of a pass without units was removed: its outputs are complete.
+            // In a finished run, the state of a pass without units was removed, because its outputs are
+            // complete.
             let kept = pass.units.is_some() || !state.finished;
             let [done, stale] = [pass.done, pass.stale].map(|count| shown(kept.then_some(count)));
             vec![pass.title.clone(), shown(pass.units), done, stale]
@@ -70,7 +71,7 @@ fn page(state: &RunStatus, why: bool) -> String {
 /// changed.
 fn reasons(state: &RunStatus) -> String {
     let mut text = String::new();
-    // Passes that both methods have say it themselves.
+    // Passes of both methods already report the change of the method.
     let said = |pass: &PassStatus| pass.why.iter().any(|reason| reason.name == METHOD);
     if let Some(changed) = state.other_method().filter(|_| !state.passes.iter().any(said)) {
         text.push_str(&format!("  other passes are needed: {changed}\n"));

@@ -1,4 +1,4 @@
-//! `chainage synth`: arguments, units, the progress line. The library decides what a drive consists of.
+//! `chainage synth`: arguments, units, and the progress line. The library generates the drive.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -233,7 +233,7 @@ impl SynthArgs {
     }
 }
 
-/// The length that was driven; a short one in metres.
+/// The driven length, in metres if it is short.
 fn driven(metres: f64) -> String {
     if metres < 100.0 { format!("{metres:.1} m") } else { format!("{:.3} km", metres / 1_000.0) }
 }

@@ -1,5 +1,5 @@
 //! `chainage train`: learns the model of `street` from labelled drives, and writes it with a card that says
-//! what it was learned from and how well it classifies.
+//! from which drives it learned and how well it classifies.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::cli::print::{self, deliver};
 use crate::cli::progress::{Kind, Progress};
 use crate::cli::{exit, interrupt, scratch};
 
-/// The two uses. One line with everything optional would allow what is refused.
+/// The two forms of use. One line with everything optional would show combinations that are refused.
 const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       \
                      chainage train [OPTIONS] --model <MODEL> --test <DRIVES>...";
 
@@ -100,7 +100,7 @@ struct LearningArgs {
     l2: f64,
 }
 
-/// The model of `run` is the one that is scored here.
+/// Changes the help of --model: here it names the model to score.
 fn as_scored(model: clap::Arg) -> clap::Arg {
     model
         .help(
@@ -112,7 +112,7 @@ fn as_scored(model: clap::Arg) -> clap::Arg {
         .requires("test")
 }
 
-/// A share of the points.
+/// Reads a share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
     share.ok_or_else(|| format!("{text} is not a share above 0 and below 1"))
@@ -173,7 +173,7 @@ impl TrainArgs {
         Ok(())
     }
 
-    /// Refuses to score a model with what it learns from: such scores are too good.
+    /// Refuses to score a model with drives from which it learns: such scores are too good.
     fn learns_from_no_test(&self) -> Result<(), CliError> {
         let learned: Vec<PathBuf> = self.drives.iter().map(|path| print::resolved(path)).collect();
         match self.test.iter().find(|drive| learned.contains(&print::resolved(drive))) {
@@ -199,7 +199,7 @@ impl TrainArgs {
         Ok(TrainRequest {
             drives: self.drives.clone(),
             scratch: scratch.path().to_owned(),
-            // No drive is run with the model that is scored.
+            // The scored model is not loaded by the settings of the runs.
             config: self.settings.resolve(&[("street.model", "\"\"".to_owned())])?,
             registries: Registries::default(),
             settings,
@@ -221,14 +221,14 @@ fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share))
 }
 
-/// What a call learned.
+/// The result of a call.
 enum Learned<'a> {
     Voxels(&'a Trained),
     Objects(&'a Trained),
     Nothing,
 }
 
-/// The parts of a model with what they are.
+/// The parts of a model with their names.
 fn parts(model: &StreetModel) -> Vec<(&'static str, &Model)> {
     let voxels = [("shapes", &model.shapes), ("context", &model.context)];
     let objects = model.objects.as_ref().map(|objects| ("objects", objects));
@@ -236,7 +236,7 @@ fn parts(model: &StreetModel) -> Vec<(&'static str, &Model)> {
     voxels.into_iter().chain(objects).chain(wholes).collect()
 }
 
-/// What is said at the terminal.
+/// The summary for the terminal.
 fn summary(model: &StreetModel, learned: &Learned<'_>, scores: &[(String, Confusion)]) -> String {
     let mut text = String::new();
     for (name, model) in parts(model) {
@@ -266,7 +266,8 @@ fn summary(model: &StreetModel, learned: &Learned<'_>, scores: &[(String, Confus
     text
 }
 
-/// The card of a model, in Markdown. After the objects were learned, it is the part of the card that says so.
+/// The card of a model, in Markdown. If only the models of objects were learned, it is the part of the card
+/// about them.
 fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(String, Confusion)]) -> String {
     let mut text =
         format!("# Model {:016x} of `street`\n\n{} bytes.\n", model.checksum(), print::count(bytes as u64));
@@ -334,7 +335,7 @@ fn card(model: &StreetModel, bytes: usize, learned: &Learned<'_>, scores: &[(Str
     text
 }
 
-/// Classes of which less than half of the voxels are found, as a table: a row per scene and class.
+/// The classes with less than half of their voxels found, as a table: a row per scene and class.
 fn failures(classes: &[String], scores: &[(String, Confusion)]) -> String {
     let head = ["class", "voxels", "recall", "mostly called"].map(str::to_owned);
     let mut text = row("scene", &head) + "|---|---|---:|---:|---|\n";

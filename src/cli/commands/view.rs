@@ -17,7 +17,7 @@ use crate::cli::served::{PAGE, Refusal, check_host, file_of, media_type, range_o
 use crate::cli::streamed::{Cloud, part_of};
 use crate::cli::{exit, interrupt, print};
 
-/// How often the command looks whether it is to stop.
+/// Interval at which the command checks whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(200);
 
 #[derive(Debug, clap::Args)]
@@ -51,7 +51,7 @@ impl ViewArgs {
         print::note("Ctrl-C ends the server");
         let shown = Shown { root, port, cloud: Cloud::default() };
         let answer = Arc::new(move |request: &Request| answer(request, &shown));
-        // It accepts until the process ends.
+        // The server accepts connections until the process ends.
         std::thread::Builder::new().spawn(move || http::serve(&listener, &answer)).map_err(failed)?;
         while !cancel.is_cancelled() {
             std::thread::sleep(PATIENCE);
@@ -60,14 +60,14 @@ impl ViewArgs {
     }
 }
 
-/// What is served.
+/// The files that are served.
 struct Shown {
     root: PathBuf,
     port: u16,
     cloud: Cloud,
 }
 
-/// Why a request is not answered with what it asks for.
+/// Why a request is refused or cannot be answered.
 enum Failed {
     Refused(Refusal),
     /// The range is beyond a file of this length.
@@ -104,7 +104,7 @@ fn answer(request: &Request, shown: &Shown) -> Answer {
     }
 }
 
-/// An error with its causes.
+/// The answer for an error with its causes.
 fn failed(error: &dyn std::error::Error) -> Answer {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -115,7 +115,7 @@ fn failed(error: &dyn std::error::Error) -> Answer {
     Answer::of(500, "text/plain; charset=utf-8", format!("{text}\n").into_bytes())
 }
 
-/// What a request asks for.
+/// The answer to a request.
 fn found(request: &Request, shown: &Shown) -> Result<Answer, Failed> {
     check_host(request.values("Host"), shown.port)?;
     if !matches!(request.method.as_str(), "GET" | "HEAD") {

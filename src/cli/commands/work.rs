@@ -50,7 +50,7 @@ impl WorkArgs {
         // The settings of the run, and how this machine is used.
         let resolve = |of_run: &Path| {
             let config = self.settings.resolve_over(of_run)?;
-            // The only other thread waits for Ctrl-C.
+            // No other thread allocates now: the only one waits for Ctrl-C.
             allocator::keep_blocks_within(memory_budget(&config.run));
             Ok(config)
         };
@@ -67,10 +67,10 @@ fn page(figures: &PassFigures) -> String {
     format!("  pass {pass}: {computed} computed, {resumed} already stored, {seconds:.2} s\n")
 }
 
-/// Most units that a list may name: a slip like 0..1000000000000 must not fill the memory.
+/// Largest number of units in a list: a slip like 0..1000000000000 must not fill the memory.
 const MOST: usize = 10_000_000;
 
-/// Numbers and half-open ranges.
+/// Reads numbers and half-open ranges.
 fn units(text: &str) -> Result<Numbers, String> {
     let wrong = || format!("{text} is not a list of units like 3..7,12");
     let number = |text: &str| text.parse::<usize>().map_err(|_| wrong());
