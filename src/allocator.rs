@@ -6,31 +6,33 @@
 //! of the worker, and freed memory stays there as long as any block above it is in use. The memory of one
 //! worker grew from tile to tile in this way: from 50 to 105 MiB over a drive of 4 km with tiles of 30 to 70
 //! MiB. A limit that is set explicitly does not rise. It follows the memory budget, because a block that
-//! returned to the system must be faulted in anew when it is needed again.
+//! returned to the system must be faulted in again when it is needed.
 
-/// Blocks of at least this many bytes are mapped separately where memory is scarce. Chosen, because only the
-/// columns of cells of a tile are smaller, and because the buffers for a block of records (about 1 MB and
-/// more) are few.
+/// Smallest size in bytes of blocks that are mapped separately when memory is scarce. Chosen, because only
+/// the columns of cells of a tile are smaller, and because there are few buffers for a block of records
+/// (about 1 MB and more).
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LEAST_MAPPED_BYTES: libc::c_int = 1 << 20;
-/// The largest limit that glibc takes: half of the largest heap of a thread (mallopt(3)).
+/// The largest limit that glibc accepts: half of the largest heap of a thread (mallopt(3)).
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const MOST_MAPPED_BYTES: libc::c_int = 32 << 20;
-/// Share of the memory budget that a block must have to be mapped separately (chosen: with this share, runs
-/// within 400 MB to 4 GB take as much memory as with the least limit, to some percent).
+/// A block is mapped separately if it has at least one part in this many of the memory budget (chosen: with
+/// this share, runs within 400 MB to 4 GB take the same memory as with the smallest limit, within a few
+/// percent).
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const MAPPED_SHARE: u64 = 256;
 
-/// Makes large blocks return to the system when they are freed. Must be called while there is one thread.
+/// Makes large blocks return to the system when they are freed. Must be called while there is only one
+/// thread.
 pub(crate) fn return_large_blocks() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     set(libc::M_MMAP_THRESHOLD, LEAST_MAPPED_BYTES);
 }
 
-/// Keeps blocks for the next use that are small compared with the memory budget in bytes. To map a block anew
-/// for each use costs a page fault for every 4 KiB. The free memory at the end of a heap may be twice as
-/// large as such a block, as where glibc raises the limit itself. Must be called while no other thread
-/// allocates.
+/// Keeps freed blocks that are small compared with the memory budget (in bytes) for the next use. Mapping a
+/// block again for each use costs a page fault for every 4 KiB. The free memory at the end of a heap may be
+/// twice as large as such a block, as when glibc raises the limit itself. Must be called while no other
+/// thread allocates.
 pub(crate) fn keep_blocks_within(budget: u64) {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
@@ -44,7 +46,7 @@ pub(crate) fn keep_blocks_within(budget: u64) {
     let _nothing_to_set = budget;
 }
 
-/// The limit for a memory budget.
+/// The limit for a memory budget, in bytes.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn limit_within(budget: u64) -> libc::c_int {
     let share = libc::c_int::try_from(budget / MAPPED_SHARE).unwrap_or(MOST_MAPPED_BYTES);
@@ -56,9 +58,9 @@ fn limit_within(budget: u64) -> libc::c_int {
 #[expect(unsafe_code, reason = "a setting of the C library can only be made by an unsafe call")]
 fn set(parameter: libc::c_int, bytes: libc::c_int) {
     // SAFETY: mallopt takes two numbers and no pointer. It changes how later blocks are allocated, and no
-    // block that exists. It is not safe while other threads allocate (mallopt(3), "MT-Unsafe init"), so the
-    // program calls it before it starts any that do. A refusal (0) changes nothing, and only memory is at
-    // stake.
+    // existing block. It is not safe while other threads allocate (mallopt(3), "MT-Unsafe init"), so the
+    // program calls it before it starts any thread that does. A refusal (0) changes nothing and only costs
+    // memory.
     let _accepted = unsafe { libc::mallopt(parameter, bytes) };
 }
 
@@ -83,7 +85,7 @@ mod tests {
     use std::ops::Range;
     use std::sync::{Mutex, PoisonError};
 
-    /// The tests measure the memory of the whole process. So one waits for the other.
+    /// The tests measure the memory of the whole process, so each waits for the other.
     static ALONE: Mutex<()> = Mutex::new(());
 
     const MIB: usize = 1 << 20;
@@ -116,7 +118,7 @@ mod tests {
     #[test]
     fn free_memory_between_blocks_in_use_returns_to_the_system() {
         let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        // Every second one of 2,000 blocks of 32 KiB: 31 MiB.
+        // Every second one of 2,000 blocks of 32 KiB is freed: 31 MiB.
         let pages: Vec<Vec<u8>> = (0..2_000).map(|_| black_box(vec![1_u8; MIB / 32])).collect();
         let (stay, go): (Vec<_>, Vec<_>) = pages.into_iter().enumerate().partition(|(n, _)| n % 2 == 0);
         let before = resident();
@@ -137,7 +139,7 @@ mod tests {
     fn a_large_block_returns_to_the_system_even_below_a_small_one_in_use() {
         let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         super::return_large_blocks();
-        // A worker has its own heap. Freeing a large block is what raises the limit.
+        // A worker has its own heap. Freeing a large block raises the limit.
         let worker = std::thread::spawn(|| {
             drop(black_box(vec![1_u8; 24 * MIB]));
             let column = black_box(vec![1_u8; 16 * MIB]);
@@ -145,7 +147,7 @@ mod tests {
             let place = addresses(&column);
             assert_eq!(mapped(&place), 16 * MIB);
             drop(column);
-            // Another thread may have got some of these addresses, but not half of them.
+            // Another thread may have received some of these addresses, but not half of them.
             assert!(mapped(&place) < 8 * MIB, "{} bytes below {:p}", mapped(&place), stays.as_ptr());
         });
         worker.join().expect("no panic");

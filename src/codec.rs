@@ -1,4 +1,4 @@
-//! Payloads of units as bytes. The checksum of the unit file has excluded damage, so a payload that cannot be
+//! Payloads of units as bytes. The checksum of the unit file rules out damage, so a payload that cannot be
 //! decoded is a bug.
 //!
 //! A payload may consist of sections, so that a reader takes what it needs and leaves the rest:
@@ -30,7 +30,7 @@ pub(crate) fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T> {
     postcard::from_bytes(bytes).map_err(|error| Error::bug(format!("a payload does not decode: {error}")))
 }
 
-/// Sections in one string of bytes.
+/// Packs sections into one string of bytes.
 pub(crate) fn pack<S: AsRef<[u8]>>(sections: &[S]) -> Vec<u8> {
     let length: usize = sections.iter().map(|section| section.as_ref().len()).sum();
     let mut bytes = Vec::with_capacity((1 + sections.len()) * WORD + length);
@@ -49,7 +49,7 @@ pub(crate) fn section(bytes: &[u8], number: usize) -> Result<&[u8]> {
     Ok(&bytes[section_in(bytes, number)?])
 }
 
-/// Where section `number` of packed bytes lies.
+/// The range of section `number` in packed bytes.
 pub(crate) fn section_in(bytes: &[u8], number: usize) -> Result<Range<usize>> {
     let range = section_range(&mut |range| bytes.get(to_usize(&range)?).map(<[u8]>::to_vec), number);
     let range = range.and_then(|range| to_usize(&range)).filter(|range| bytes.get(range.clone()).is_some());

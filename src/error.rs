@@ -45,7 +45,7 @@ pub trait Failure: std::error::Error + Send + Sync + 'static {
     }
 }
 
-/// The kinds of failure that a caller can tell apart; the program gives each an exit code.
+/// The kinds of failure that a caller can distinguish. The program gives each an exit code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ErrorKind {
     /// A defect of chainage itself.
@@ -136,7 +136,7 @@ impl std::error::Error for Error {
     }
 }
 
-/// What helps where the system lets a process open no more files. Any area may meet this limit.
+/// The hint if the process has reached its limit of open files. Errors of any area can have this cause.
 fn too_many_open_files(failure: &dyn Failure) -> Option<Cow<'static, str>> {
     let causes = std::iter::successors(failure.source(), |cause| cause.source());
     // `EMFILE` in `errno(3)`. It has no `ErrorKind`, and a wrapped error keeps only the text.
@@ -146,7 +146,7 @@ fn too_many_open_files(failure: &dyn Failure) -> Option<Cow<'static, str>> {
     met.then(|| hint.into())
 }
 
-/// What a caught panic says.
+/// The text of a caught panic.
 pub(crate) fn panic_text(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().copied().map(str::to_owned);
     text.or_else(|| panic.downcast_ref::<String>().cloned())

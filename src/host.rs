@@ -1,5 +1,5 @@
-//! What the operating system says of this host: its name, its processes, and whether a file system is shared
-//! with other hosts.
+//! Facts about this host from the operating system: its name, its processes, and whether a file system is
+//! shared with other hosts.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -18,8 +18,8 @@ pub(crate) fn name() -> &'static str {
     })
 }
 
-/// A name that is not too long. A long one ends with a digest, because names of many hosts often differ at
-/// their ends only (pods: `job-name-x7k2p`).
+/// A name that is not too long. A shortened name ends with a digest, because the names of many hosts often
+/// differ only at their ends (pods: `job-name-x7k2p`).
 fn short(name: &str) -> String {
     match name.len() {
         0 => "host".to_owned(),
@@ -30,18 +30,18 @@ fn short(name: &str) -> String {
     }
 }
 
-/// Whether a process of this host is alive. Also one of another user.
+/// Whether a process of this host is alive, including processes of other users.
 pub(crate) fn is_alive(process: u32) -> bool {
     let Some(process) = i32::try_from(process).ok().and_then(rustix::process::Pid::from_raw) else {
         return false;
     };
-    // Without the right to signal it, the process exists.
+    // If the right to signal a process is missing, the process still exists.
     !matches!(rustix::process::test_kill_process(process), Err(rustix::io::Errno::SRCH))
 }
 
 /// File systems over a network or in user space, by the number that `statfs` gives them on Linux (`statfs(2)`
-/// and `linux/magic.h`). On them a file may change its length under a mapping without a notice, and pages are
-/// fetched one by one.
+/// and `linux/magic.h`). On them a mapped file may change its length without notice, and pages are fetched
+/// one by one.
 const SHARED: [(u32, &str); 9] = [
     (0x6969, "NFS"),
     (0x517B, "SMB"),
@@ -59,12 +59,12 @@ fn shared_kind(number: u32) -> Option<&'static str> {
     SHARED.iter().find(|known| known.0 == number).map(|known| known.1)
 }
 
-/// The kind of the file system of `path`, if other hosts may share it. `None` also where the system does not
+/// The kind of the file system of `path`, if other hosts may share it. Also `None` if the system does not
 /// say.
 #[cfg(target_os = "linux")]
 pub(crate) fn shared_file_system(path: &Path) -> Option<&'static str> {
     let facts = rustix::fs::statfs(path).ok()?;
-    // Its type differs among architectures; the numbers have 32 bits.
+    // The type of the number differs among architectures; its value has 32 bits.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
@@ -73,7 +73,7 @@ pub(crate) fn shared_file_system(path: &Path) -> Option<&'static str> {
     shared_kind(facts.f_type as u32)
 }
 
-/// Elsewhere the system is not asked.
+/// Other systems are not asked.
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn shared_file_system(_path: &Path) -> Option<&'static str> {
     None

@@ -10,18 +10,18 @@ pub struct ScratchFolder {
     path: PathBuf,
 }
 
-/// No scratch folder can be made.
+/// A scratch folder cannot be made.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot make the folder {path}", path = path.display())]
 pub struct NoScratchFolder {
     /// The folder.
     pub path: PathBuf,
-    /// Why not.
+    /// Why.
     pub source: io::Error,
 }
 
 impl ScratchFolder {
-    /// Makes a new, empty folder in `parent`. Its name contains that of the `command`.
+    /// Makes a new, empty folder in `parent`. Its name contains the name of the `command`.
     ///
     /// # Errors
     /// [`NoScratchFolder`], also if there is no `parent`.
@@ -32,7 +32,7 @@ impl ScratchFolder {
             let path = parent.join(format!("chainage-{command}-{}-{number}", std::process::id()));
             match std::fs::create_dir(&path) {
                 Ok(()) => return Ok(Self { path }),
-                // A killed process of the same number left this folder. The next name is tried.
+                // A killed process with the same number left this folder behind. The next name is tried.
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(source) => return Err(NoScratchFolder { path, source }),
             }

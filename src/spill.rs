@@ -1,5 +1,5 @@
-//! Byte strings in a temporary file: values of the whole drive that are read back one at a time. Memory has
-//! only the place of each.
+//! Byte strings in a temporary file: values of the whole drive that are read back one at a time. Only their
+//! places are in memory.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use fs_err::os::unix::fs::FileExt;
 
 use crate::whole_file;
 
-/// Bytes collected before a write.
+/// Number of bytes collected before a write.
 const BUFFER_BYTES: usize = 1 << 18;
 
 /// Where a string is.
@@ -19,7 +19,7 @@ pub(crate) struct Spilled {
     length: u32,
 }
 
-/// A temporary file of strings. It is removed when this is dropped.
+/// A temporary file of strings. It is removed when this value is dropped.
 #[derive(Debug)]
 pub(crate) struct Spill {
     path: PathBuf,
@@ -68,7 +68,7 @@ impl Spill {
 
 impl Drop for Spill {
     fn drop(&mut self) {
-        // Nobody else knows the file. If it stays, it takes space and harms nothing.
+        // Nobody else knows the file. If it stays, it only takes space.
         let _ = fs_err::remove_file(&self.path);
     }
 }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::host;
 
-/// Bytes collected before a write.
+/// Number of bytes collected before a write.
 const BUFFER_BYTES: usize = 1 << 18;
 
 /// A file that grows under a temporary name in its folder. If it is dropped before it is finished, it is
@@ -27,7 +27,7 @@ impl WholeFile {
         Ok(Self { path: path.to_owned(), temporary, file })
     }
 
-    /// Its final name.
+    /// The final path of the file.
     pub(crate) fn path(&self) -> &Path {
         &self.path
     }
@@ -43,8 +43,8 @@ impl WholeFile {
 /// Ending of temporary names.
 const ENDING: &str = ".part";
 
-/// A temporary name beside `path` that nobody else uses: with host, process and a number. Several processes
-/// may write the same file, and the last one to finish gives it its name.
+/// A temporary name beside `path` that nobody else uses: it contains host, process and a number. Several
+/// processes may write the same file, and the last one to finish gives the file its name.
 pub(crate) fn temporary(path: &Path) -> PathBuf {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
@@ -53,8 +53,8 @@ pub(crate) fn temporary(path: &Path) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Whether this is a temporary file of a process of this host that is no longer alive. Nobody else has names
-/// of this form, and nobody will finish the file.
+/// Whether this is a temporary file of a process of this host that is no longer alive. Only chainage uses
+/// names of this form, and nobody will finish the file.
 pub(crate) fn is_left_behind(path: &Path) -> bool {
     let process = || {
         let name = path.file_name()?.to_str()?.strip_suffix(ENDING)?;
@@ -66,7 +66,8 @@ pub(crate) fn is_left_behind(path: &Path) -> bool {
     process().is_some_and(|process| !host::is_alive(process)) && path.is_file()
 }
 
-/// Removes the temporary files in a folder that processes left behind. Nobody may need one of them any more.
+/// Removes the temporary files that processes left behind in a folder. Call it only when nobody can still
+/// need one of them.
 pub(crate) fn remove_temporary(folder: &Path) -> io::Result<()> {
     for entry in fs_err::read_dir(folder)? {
         let path = entry?.path();
@@ -98,8 +99,8 @@ impl Seek for WholeFile {
 
 impl Drop for WholeFile {
     fn drop(&mut self) {
-        // After renaming there is no file under the temporary name. Before, half a file is useless, and a
-        // failure to remove it adds nothing to the original error.
+        // After renaming, there is no file under the temporary name. Before that, an incomplete file is
+        // useless, and a failure to remove it adds nothing to the original error.
         let _ = fs_err::remove_file(&self.temporary);
     }
 }
@@ -111,8 +112,8 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Res
     file.finish()
 }
 
-/// Lets `content` create the file `part`, syncs it, and gives it the name `path`. For files that are not a
-/// stream of bytes, and for folders in which nothing temporary may stay behind after a kill.
+/// Lets `content` create the file `part`, syncs it, and gives it the name `path`. For files that are not
+/// written as a stream of bytes, and for folders in which a kill must not leave temporary files behind.
 pub(crate) fn write_from(
     part: &Path,
     path: &Path,
@@ -154,7 +155,7 @@ mod tests {
     #[test]
     fn files_of_processes_that_ended_are_left_behind() {
         let folder = tempfile::tempdir().unwrap();
-        // No process has this number: it is beyond the largest one.
+        // No process has the first number: it is above the largest possible one.
         let [dead, alive] = [u32::MAX, std::process::id()]
             .map(|process| format!("reference.csv.{}-{process}-0.part", host::name()));
         for (name, expected) in [

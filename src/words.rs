@@ -1,4 +1,4 @@
-//! The wording that several messages share: counts with their nouns, and the known name that a mistyped one
+//! Wording that several messages share: counts with their nouns, and the known name that a mistyped name
 //! resembles.
 
 /// A count with separators and its noun, in the plural unless the count is one.
@@ -28,7 +28,8 @@ pub fn separated(number: u64) -> String {
     text
 }
 
-/// A number with so many decimals, or with an exponent from 1e15 on: hundreds of digits say nothing.
+/// A number with `places` decimals, or with an exponent from 1e15 on, because nobody reads hundreds of
+/// digits.
 ///
 /// ```
 /// use chainage::words::decimal;
