@@ -174,7 +174,7 @@ pub fn train(request: &TrainRequest<'_>, observer: &dyn Observer, cancel: &Cance
 
 /// Learns the models of objects for a model whose models of voxels exist. The models of voxels should have
 /// learned from other drives. Names are also learned from copies of the objects with doubtful shares. From
-/// drives that do not say which object a point belongs to, only names are learned. If the objects of all
+/// drives that do not say which object a point belongs to, only names are learned. If all objects of all
 /// drives are whole, there is no model of wholes.
 ///
 /// # Errors
