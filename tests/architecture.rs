@@ -1,5 +1,6 @@
-//! The rules of the architecture, read from the sources: who may use what, that no files import each other in
-//! a circle, how long a file may be, what stands at its top; and that defaults are written down once.
+//! The rules of the architecture, checked in the sources: which module may use which, that no files import
+//! each other in a circle, how long a file may be, and how it starts; and that defaults are written down
+//! once.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -55,7 +56,7 @@ impl Source {
         self.path.split('/').next().expect("a name").trim_end_matches(".rs")
     }
 
-    /// The code without comments. What remains shows what it uses.
+    /// The code without comments, in which the used names are searched.
     fn code(&self) -> String {
         self.production
             .lines()
@@ -83,30 +84,31 @@ fn module_of(file: &str) -> &str {
     file.split('/').next().expect("a name").trim_end_matches(".rs")
 }
 
-/// The layers, from the ground up. A module uses what is below it, and nothing beside or above it.
+/// The layers, from the lowest up. A module uses modules of lower layers only, and none of its own layer or
+/// above.
 const LAYERS: [&[&str]; 7] = [
     &["error", "allocator", "open_files", "words", "host"],
     &["codec", "scratch_folder", "whole_file"],
     &["model", "spill"],
-    // Beside each other: what is near what and what is learned from a table know no setting of the program,
-    // and no setting needs to know them.
+    // In one layer, because the search for neighbours and the learning from tables know no settings of the
+    // program, and settings do not need them.
     &["spatial", "boosting", "config"],
     &["input", "survey", "tiling", "ground", "cluster", "stitch", "inventory", "output", "store", "table"],
     &["run", "eval", "synth"],
     &["cli"],
 ];
 
-/// Arrows between modules of one layer: a labelled copy is made of the bytes of its input.
+/// Allowed imports between modules of one layer: a labelled copy is made from the bytes of its input.
 const BESIDE: [(&str, &str); 1] = [("output", "input")];
 
-/// Modules of the flow that are used beside `run`, which joins them all.
+/// Modules of the flow that others than `run`, which joins them all, may use.
 const JOINED_ELSEWHERE: [(&str, &[&str]); 3] = [
     ("eval", &["input"]),
     ("synth", &["output"]),
     ("cli", &["input", "survey", "ground", "cluster", "output", "table"]),
 ];
 
-/// Modules of the flow that `run` does not join: tables are no drives.
+/// Modules of the flow that `run` does not join: tables are not drives.
 const NOT_IN_THE_FLOW: [&str; 1] = ["table"];
 
 #[test]
@@ -154,8 +156,8 @@ fn no_files_import_each_other_in_a_circle() {
 #[test]
 fn imports_are_seen_through_re_exports_and_make_circles() {
     let read = |sources: &[(&'static str, &'static str)]| imports::graph(sources.iter().copied());
-    // A child that takes from its parent what a sibling defines imports the sibling; the parent imports
-    // nobody.
+    // If a child uses a name through its parent that a sibling defines, it imports the sibling, and the
+    // parent imports nothing.
     let mod_rs = "mod one;\nmod two;\npub use one::{One, Other};\npub(crate) use two::two;\n";
     let one =
         "use std::fmt;\npub struct One;\npub struct Other { text: &'static str } // crate::nothing::At\n";
@@ -171,7 +173,7 @@ fn imports_are_seen_through_re_exports_and_make_circles() {
     let graph = read(&[sources[0], ("a/one.rs", closing), sources[2], sources[3]]);
     let circle = BTreeSet::from(["a/one.rs".to_owned(), "a/two.rs".to_owned()]);
     assert_eq!(imports::circles(&graph), [circle]);
-    // A parent whose own code uses what it shows imports its child.
+    // A parent whose own code uses a name that it re-exports imports its child.
     let using =
         "mod one;\nmod two;\npub use one::{One, Other};\npub(crate) use two::two;\npub struct S(Other);\n";
     let graph = read(&[("a/mod.rs", using), sources[1], sources[2], sources[3]]);
@@ -193,7 +195,7 @@ fn methods_see_no_files_no_threads_and_no_clock() {
             "Instant",
             "rand::",
         ] {
-            // Rows of a table are all in memory, and there are no tiles to work on beside each other.
+            // All rows of a table are in memory, and there are no tiles to process in parallel.
             let rows = word == "rayon" && source.path.ends_with("/rows.rs");
             assert!(rows || !source.code().contains(word), "src/{} knows {word}", source.path);
         }
@@ -203,7 +205,7 @@ fn methods_see_no_files_no_threads_and_no_clock() {
     }
 }
 
-/// Crates that remain in the modules that wrap them: their names, and the places where they may be named.
+/// Crates that only the modules that wrap them may use: their names, and the places where they may be named.
 const WRAPPED: [(&str, &[&str]); 17] = [
     ("clap", &["cli/"]),
     ("clap_complete", &["cli/"]),

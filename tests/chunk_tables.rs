@@ -164,7 +164,7 @@ fn chunks_beyond_the_count_are_noticed() {
         let points = if variable { "3500" } else { "up to 4000" };
         let none = read(&counting(0)).expect_err("refused").to_string();
         assert!(none.ends_with(&format!("has 4 compressed chunks with {points} points")), "{none}");
-        // Without a table, as a recorder leaves them that was stopped.
+        // Files without a table, as a recorder that was stopped leaves them.
         let stopped = |count: u64| {
             let mut bytes = counting(count);
             bytes.truncate(made.table);

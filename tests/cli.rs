@@ -41,7 +41,7 @@ fn samples() -> tempfile::TempDir {
     folder
 }
 
-/// Removes from a text what depends on the machine.
+/// Arguments that make the output independent of the machine.
 const FIXED: [&str; 4] = ["--threads", "2", "--memory", "256M"];
 
 fn with_fixed<'a>(arguments: &[&'a str]) -> Vec<&'a str> {
@@ -219,7 +219,7 @@ fn results_go_to_stdout_and_everything_else_to_stderr() {
 fn a_reader_that_goes_away_is_no_failure() {
     let script =
         format!("{} config | head -1; echo \"code ${{PIPESTATUS[0]}}\"", env!("CARGO_BIN_EXE_chainage"));
-    // Repeated, because the reader must have gone before the last write.
+    // Repeated, because the reader must have closed the pipe before the last write.
     let slow = format!("({} man; echo \"code $?\" >&2) | true", env!("CARGO_BIN_EXE_chainage"));
     let output = Command::new("bash").args(["-c", &script]).output().expect("a shell");
     assert!(String::from_utf8_lossy(&output.stdout).ends_with("code 0\n"), "{}", told(&output));

@@ -44,7 +44,8 @@ fn options(mmap: bool, unit: LengthUnit) -> InputOptions {
     InputOptions { mmap, unit }
 }
 
-/// Reads every block with both kinds of fields, mapped and read, and compares the parts that must be equal.
+/// Reads every block with both kinds of fields, mapped and unmapped, and compares the parts that must be
+/// equal.
 fn read_all(path: &Path, unit: LengthUnit) -> u64 {
     let open = |mmap| Catalog::open(&[path.to_owned()], &options(mmap, unit)).expect("opened before");
     let mapped = open(true);

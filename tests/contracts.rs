@@ -21,7 +21,7 @@ fn filters() -> impl Iterator<Item = Box<dyn GroundFilter>> {
     ground::REGISTRY.iter().map(|entry| (entry.build)(&toml::Table::new()).unwrap())
 }
 
-/// Every method with its defaults, and `dbscan` in its other variant and with an epsilon that is estimated.
+/// Every method with its defaults, and `dbscan` also in its other variant and with an estimated epsilon.
 fn methods() -> impl Iterator<Item = Box<dyn Method>> {
     let empty = |_: &str| toml::Table::new();
     let defaults = cluster::REGISTRY.iter().map(move |entry| (entry.build)(&empty).unwrap());
@@ -56,7 +56,7 @@ fn clusterers() -> [Box<dyn Clusterer>; 3] {
     ]
 }
 
-/// For each point the smallest id with its label; none for label 0.
+/// For each point the smallest id with its label; `None` for label 0.
 fn labelled(method: &dyn Clusterer, cloud: &TileCloud) -> Vec<Option<PointId>> {
     let mut labels = vec![u32::MAX; cloud.len()];
     let count = method.cluster(cloud, &mut labels).unwrap();
@@ -148,8 +148,8 @@ fn no_points_one_point_and_equal_points_are_accepted() {
         }
         for method in methods() {
             if estimates(&*method) {
-                // Too few points, or all in one place: nothing follows from that, and a test of its own says
-                // so.
+                // An estimate is impossible with too few points, or with all points in one place. Another
+                // test covers this.
                 continue;
             }
             let partition = partition(&*method, &points, 2);
@@ -158,9 +158,9 @@ fn no_points_one_point_and_equal_points_are_accepted() {
     }
 }
 
-/// `opening` sees thin ground that was taken for noise; nothing else may become of noise, and of noise high
-/// above the ground nothing at all. It is 7 m above: up to 6 m, any point says that something stands on
-/// ground as thin as this.
+/// Noise keeps its class, except that `opening` recognises thin ground that was classified as noise. Noise
+/// high above the ground always stays noise. Here it is 7 m above: with ground as thin as this, any point up
+/// to 6 m above it counts as an object standing there.
 #[test]
 fn noise_stays_noise() {
     for filter in filters() {
@@ -198,7 +198,7 @@ fn the_order_of_points_changes_nothing() {
     TestRunner::default().run(&shuffled, compare).unwrap();
 }
 
-/// The core is x < 3 m. Points further beyond it than the reach are omitted.
+/// The core is x < 3 m. Points that are further away from it than the reach are omitted.
 #[test]
 fn ground_of_a_core_depends_on_nothing_beyond_the_reach() {
     for filter in filters() {
@@ -225,7 +225,7 @@ fn chains() -> impl Strategy<Value = Vec<[i64; 3]>> {
     prop::collection::vec(point, 2..40)
 }
 
-/// Tiles are dealt cell by cell, so that every object is cut many times.
+/// Cells are dealt to tiles one by one, so that every object is cut many times.
 #[test]
 fn objects_of_any_tiles_are_those_of_the_whole() {
     for method in methods() {

@@ -13,7 +13,7 @@ use crate::util::{shipped, skipped};
 const NAME: &str = "drive.copc.laz";
 const SWEEP: &str = "tree_road_sweep.laz";
 
-/// How often there is a point with these coordinates, class and object.
+/// The number of points with the same coordinates, class and object.
 fn multiset(points: &Labelled) -> BTreeMap<([i64; 3], u8, u32), usize> {
     let mut all = BTreeMap::new();
     for point in 0..points.at.len() {
@@ -147,7 +147,7 @@ fn a_section_has_its_own_points_only_and_the_file_goes_with_the_next_run_without
     assert!(!out.join(NAME).exists());
 }
 
-/// laspy reads the tree by itself: it asks for the nodes of a box and of a level.
+/// laspy reads the tree itself: it requests the nodes of a box and of a level.
 #[test]
 fn laspy_reads_the_file() {
     let folder = scratch();

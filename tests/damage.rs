@@ -1,5 +1,5 @@
-//! Damaged files: whatever bytes are removed or changed, reading ends soon and in bounded memory, with points
-//! or with an error.
+//! Damaged files: whatever bytes are removed or changed, reading ends quickly and in bounded memory, with
+//! points or with an error.
 //!
 //! Every file of the conformance folder and of the shipped samples is truncated and changed at seeded random
 //! places. The rounds run in a child process with a memory limit, because an allocation of a damaged size
@@ -107,8 +107,8 @@ impl Bench {
         file.write_all(bytes).expect("written");
     }
 
-    /// A place to damage: half of them in the description of the points (start and end of the file), half
-    /// anywhere.
+    /// A place to damage: half of the places are in the description of the points (start and end of the
+    /// file), half anywhere.
     fn place(&mut self) -> usize {
         let size = self.original.len();
         let start = u32::from_le_bytes(self.original[96..100].try_into().expect("four bytes")) as usize;

@@ -45,7 +45,7 @@ fn expected(points: &Points, variant: DbscanVariant, min_points: usize, max_poin
     }
 }
 
-/// Object of every point when the street is cut into tiles of `width` along x that read `reach` beyond.
+/// Object of every point if the street is cut along x into tiles of `width` that read points within `reach`.
 fn tiled(method: &Dbscan, points: &Points, width: i64, reach: i64) -> Vec<u32> {
     let owner = |point: usize| TileId::new(u32::try_from(points[point][0] / width).unwrap());
     let tiles = (0..points.len()).map(owner).max().unwrap_or_default().index() + 1;
@@ -113,7 +113,7 @@ proptest! {
     }
 }
 
-/// The comparison notices tiles that read too little: with half of the reach, a core point is missed.
+/// The comparison detects tiles that read too little: with half of the reach, a core point is missed.
 #[test]
 fn tiles_that_see_too_little_are_noticed() {
     let points: Points = [0, 150, 300, 450, 600, 750, 900].map(|x| [x, 0, 0]).to_vec();

@@ -173,8 +173,8 @@ fn any_tiles_give_what_brute_force_finds_in_the_whole_cloud() {
     assert!(compared > 50 && centres > 100 && merged > 20 && reassigned > 100 && dropped > 50 && far > 3);
 }
 
-/// Poles with a dense heap at one of their voxels, and dense heaps in halo voxels beside them. Steps of 30 mm
-/// make ties everywhere.
+/// Poles with a dense heap in one of their voxels, and dense heaps in halo voxels beside them. Steps of 30 mm
+/// make ties frequent.
 #[test]
 fn dense_halo_voxels_beside_dense_clusters_join_what_brute_force_says() {
     let settings = printed();

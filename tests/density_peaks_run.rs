@@ -120,7 +120,7 @@ fn a_changed_setting_does_again_what_follows_it_and_nothing_else() {
         let _ = std::fs::remove_dir_all(&fresh);
         PEAKS.run_in(&fresh, &settings);
         PEAKS.assert_same(&out, &PEAKS.results(&fresh), setting);
-        // Restored, so that the next change is one from the defaults.
+        // Restored, so that the next case again differs from the defaults by one change.
         PEAKS.run_in(&out, &base);
     }
     assert!(PEAKS.run_in(&out, &base).nothing_to_do);
@@ -143,7 +143,7 @@ fn every_configuration_that_ships_is_accepted_and_says_what_the_defaults_are() {
                 .unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         if name == "density-peaks.toml" {
-            // The voxels of noise are those of the paper, and the defaults are others.
+            // The noise filter has the values of the paper, and the defaults differ.
             let of_the_paper =
                 ["noise.voxel=0.3", "noise.min_component_points=10", "noise.keep_sparse=false"];
             let methods = ["cluster.method=density-peaks", "ground.method=voxel-column"];

@@ -1,5 +1,5 @@
-//! Odd drives: no points, few points, all points in one place, points from elsewhere. Also methods from
-//! outside the project, good and bad.
+//! Unusual drives: no points, few points, all points in one place, points far away. Also methods from outside
+//! the project, good and bad ones.
 
 use std::path::{Path, PathBuf};
 
@@ -125,7 +125,7 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
     }
 }
 
-/// Two clusters so far apart that a tile with both could not count its extent in 31 bits.
+/// Two clusters so far apart that the extent of a tile with both would not fit 31 bits.
 #[test]
 fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
     let shape = Shape { scale_tenths: 1, ..Shape::default() };
@@ -213,8 +213,8 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
     assert!(matches!(error.cause(), Some(OutputError::NameClash { .. })), "{error}");
 }
 
-/// The settings say feet. Points, tables, page and cloud-optimised file agree on it, and a file that does not
-/// name its system has the units of those that do.
+/// The settings say feet. Points, tables, page and cloud-optimised file agree, and a file that does not name
+/// its system has the units of the files that do.
 #[test]
 fn every_output_has_the_units_of_the_points() {
     let scratch = Scratch::new();
@@ -248,7 +248,7 @@ fn every_output_has_the_units_of_the_points() {
     }
 }
 
-/// A file that does not name its system is in that of the others, and so in its unit.
+/// A file that does not name its system has the system of the others, and therefore its unit.
 #[test]
 fn files_without_a_system_have_the_unit_of_those_with_one() {
     let scratch = Scratch::new();
@@ -332,7 +332,7 @@ fn a_labelled_copy_fed_in_again_comes_out_as_it_is() {
     }
 }
 
-/// A ground filter as a newcomer would write it: everything below a height is ground.
+/// A ground filter as a new contributor would write it: everything below a height is ground.
 #[derive(Debug)]
 struct Below(i64);
 
@@ -354,7 +354,7 @@ impl GroundFilter for Below {
     }
 }
 
-/// A clustering method as a newcomer would write it: the points in one cube of a metre are one object.
+/// A clustering method as a new contributor would write it: the points in a cube of one metre are one object.
 #[derive(Debug)]
 struct Cubes;
 
@@ -421,7 +421,7 @@ fn a_method_is_one_type_and_one_line() {
     assert_same_outputs(&scratch.out("3"), &scratch.out("1000000"), "cubes");
 }
 
-/// Fails at one place, by an error or by a panic, and does nothing elsewhere.
+/// A method that fails at one place, by an error or by a panic, and does nothing elsewhere.
 #[derive(Debug)]
 struct Failing {
     panics: bool,
@@ -540,8 +540,8 @@ fn a_tile_that_fails_or_panics_is_recorded_and_the_others_go_on() {
         );
         assert_eq!(record["error"], text);
         assert!(!out.join("a.las").exists(), "a copy that is not complete has its name");
-        // A method that does not fail there resumes: the one tile is done, and the record of the failure
-        // disappears.
+        // With a method that does not fail there, the run resumes: the failed tile is computed, and the
+        // record of the failure disappears.
         let mut list = list(5.0, &["cluster.method=failing", "tiling.cell=0.5"]);
         list.push("run.threads=1".to_owned());
         let good = ClusterEntry { build: |_| Ok(Box::new(OneStep::new(Cubes, &[]))), ..FAILING };

@@ -1,6 +1,5 @@
 //! Estimated epsilon on drives: the curve against brute force over the whole cloud, with any cut; runs with
-//! `auto` and with other fields than coordinates; what a change makes the program compute again; and the
-//! program itself.
+//! `auto` and with fields other than coordinates; which results a change invalidates; and the program itself.
 
 use std::path::{Path, PathBuf};
 
@@ -47,7 +46,7 @@ fn curve_of(result: Result<DriveEpsilon, chainage::Error>) -> Option<Curve> {
     }
 }
 
-/// Mean distance in metres to the 2nd to k-th nearest over all points, over all pairs.
+/// Mean distance in metres to the 2nd to k-th nearest neighbour over all points, from all pairs.
 fn brute_force(points: &[[i64; 3]], k: usize) -> Vec<f64> {
     let mut sums = vec![0.0; k - 1];
     for p in points {
@@ -97,7 +96,7 @@ fn cases() -> impl Strategy<Value = Case> {
     )
 }
 
-/// The points used, by brute force: all, or those that are neither noise nor ground.
+/// The used points, by brute force: all points, or those that are neither noise nor ground.
 fn kept(points: &[Point], ground: bool) -> Vec<[i64; 3]> {
     let at: Vec<[i64; 3]> = points.iter().map(|point| point.mm).collect();
     if !ground {
@@ -109,7 +108,7 @@ fn kept(points: &[Point], ground: bool) -> Vec<[i64; 3]> {
 }
 
 /// Most of these streets are so sparse, and their tiles so short, that hardly any point finds its neighbours
-/// in core and halo. Without reading further around, this fails in its first cases.
+/// in core and halo. If tiles did not read beyond the halo, the first cases would fail.
 #[test]
 fn the_curve_is_that_of_the_whole_cloud_however_it_is_cut() {
     let mut asked = 0;
@@ -204,7 +203,7 @@ fn a_sample_of_the_points_is_the_same_in_any_tiles_and_near_the_whole() {
     assert_ne!(other.curve.mean, part.curve.mean);
 }
 
-/// Some points are in one place, so a sample of records would differ from one of places there, too.
+/// Some points are in one place, so a sample of records would differ from a sample of places.
 #[test]
 fn a_sample_of_the_points_depends_on_neither_the_order_of_records_nor_the_files() {
     let folder = scratch();
@@ -242,8 +241,8 @@ fn a_sample_of_the_points_depends_on_neither_the_order_of_records_nor_the_files(
     }
 }
 
-/// A run with an estimated epsilon has the bytes of one with one tile, and the labels of a run with this
-/// epsilon.
+/// A run with an estimated epsilon gives the same bytes as with one tile, and the same labels as with this
+/// epsilon in the settings.
 #[test]
 #[ignore = "long; scripts/check.sh runs it"]
 fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
@@ -281,7 +280,7 @@ fn nobody_can_tell_the_tiles_of_a_run_with_an_estimate() {
 
 const FIELDS: &str = r#"dbscan.fields=["x","y","z","intensity"]"#;
 
-/// Objects in a space of fields are those that the same method for tables finds over all points at once.
+/// Objects in a space of fields equal those that the same method for tables finds over all points at once.
 #[test]
 #[ignore = "long; scripts/check.sh runs it"]
 fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tiles() {
@@ -357,7 +356,7 @@ fn fields_that_are_not_there_or_reach_too_far_are_refused() {
     assert!(far.contains("the longest tile has 6.0 m") && far.contains("--tile-length"), "{far}");
 }
 
-/// A street of some 3,000 points, and the arguments of a run with an estimate.
+/// A street of about 3,000 points, and the arguments of a run with an estimate.
 fn resumable(folder: &Path) -> (Vec<PathBuf>, Vec<&'static str>) {
     let street = Street { things: 120, patches: 300, ..Street::middling(9, Course::Hairpin) };
     let path = folder.join("street.laz");

@@ -1,6 +1,6 @@
-//! The central tests: for any cut of a drive into tiles, files and threads, the result equals that of the
-//! whole cloud by brute force. What must not change the result does not. Partitions, classes, ids and bytes
-//! are compared, never counts.
+//! The central tests: for any cut of a drive into tiles, files and threads, the result equals the result of
+//! brute force over the whole cloud. Other changes that must not affect the result do not affect it.
+//! Partitions, classes, ids and bytes are compared, never counts.
 
 use std::cell::Cell as Counter;
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ use crate::util::las::{Point, Shape};
 use crate::util::oracle;
 use crate::util::street::{COURSES, Course, Street, number, permutation};
 
-/// Isolated noise in small scenes: fewer points already form an object.
+/// Settings of isolated noise for small scenes, in which fewer points form an object.
 const SMALL: [&str; 6] = [
     "noise.voxel=0.3",
     "noise.keep_sparse=false",
@@ -31,7 +31,7 @@ const SMALL: [&str; 6] = [
     "run.memory_mib=256",
 ];
 
-/// Settings for small scenes, with tiles of this many metres, this many threads, and more.
+/// Settings for small scenes, with tiles of this many metres, this many threads, and further settings.
 fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
     let mut list = settings(&SMALL);
     list.push(format!("tiling.tile_length={tile_m}"));
@@ -43,8 +43,8 @@ fn small(tile_m: f64, threads: usize, more: &[String]) -> Vec<String> {
 /// Everything in one tile.
 const WHOLE_M: f64 = 1e6;
 
-/// Writes points into files of these shapes, in order. `chunk` compresses them, with that many records per
-/// chunk.
+/// Writes points into files of these shapes, in order. With `chunk`, the files are compressed, with this many
+/// records per chunk.
 fn write_files(folder: &Path, points: &[Point], shapes: &[Shape], chunk: Option<u32>) -> Vec<PathBuf> {
     let bound = |part: usize| points.len() * part / shapes.len();
     let write = |(part, shape): (usize, &Shape)| {
@@ -188,8 +188,8 @@ impl Case {
     }
 }
 
-/// Any scene, cut in any way, on any number of threads: the result is that of brute force over the whole
-/// cloud, and has the bytes of one tile.
+/// Any scene, cut in any way, on any number of threads: the result equals brute force over the whole cloud,
+/// and its bytes are those of one tile.
 #[test]
 fn any_drive_cut_any_way_is_the_whole_by_brute_force_and_one_tile_byte_for_byte() {
     let [cases_run, rich, by_block] = [0; 3].map(|zero: u32| Counter::new(zero));
@@ -248,13 +248,13 @@ fn labelled(points: &[Point]) -> Labelled {
     labelled_by(points, &[])
 }
 
-/// The same with more settings.
+/// The same with further settings.
 fn labelled_by(points: &[Point], more: &[String]) -> Labelled {
     let folder = scratch();
     let files = one_file(folder.path(), points);
     let out = folder.path().join("out");
     let summary = drive(&files, &out, &small(5.0, 2, more)).unwrap();
-    // Points at random have few parts that `street` is certain of.
+    // In random points, `street` is certain of few parts.
     let least = if more.iter().any(|setting| setting.contains("street")) { 1 } else { 6 };
     assert!(
         summary.tiles > 4 && summary.objects >= least,
@@ -265,8 +265,8 @@ fn labelled_by(points: &[Point], more: &[String]) -> Labelled {
     Labelled::read(&files, &out)
 }
 
-/// Settings with which small things are objects of each registered method, including those written after this
-/// test.
+/// Settings with which small things are objects, for each registered method, including methods written after
+/// this test.
 fn methods() -> Vec<(&'static str, Vec<String>)> {
     // Small things have few points, and few and low voxels.
     let peaks = &["density-peaks.min_density=1.0", "density-peaks.min_separation=1.0"][..];
@@ -319,7 +319,7 @@ fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
             let laz = write_files(folder.path(), &points, &shapes, Some(300));
             let whole = folder.path().join("whole");
             let summary = drive(&laz, &whole, &small(WHOLE_M, 1, &more)).unwrap();
-            // Points at random have few parts that `street` is certain of.
+            // In random points, `street` is certain of few parts.
             let least = if name == "street" { 1 } else { 6 };
             assert!(summary.objects >= least, "{name}: {} objects", summary.objects);
             for (tile_m, threads) in [(2.0, 2), (5.5, 4)] {
@@ -512,7 +512,7 @@ fn posts() -> Vec<Point> {
     points
 }
 
-/// Without a halo, the comparison of tiled and whole must fail. If it did not, it would prove nothing.
+/// Without a halo, the comparison of tiled and whole must fail. Otherwise the comparison would prove nothing.
 #[test]
 fn without_a_halo_the_comparison_fails() {
     let run = |ground: &[GroundEntry], cluster: &[ClusterEntry], tile_m: f64| {
@@ -525,7 +525,7 @@ fn without_a_halo_the_comparison_fails() {
         list.extend(settings(&["noise.enabled=false", "noise.min_component_points=1", "tiling.cell=0.5"]));
         list.push(format!("ground.method={:?}", ground[0].name));
         list.push(format!("cluster.method={:?}", cluster[0].name));
-        // Sections must exist in the defaults. Methods of tests have none, so they have no settings.
+        // Sections must exist in the defaults. Methods of tests have no section, so they have no settings.
         run_with(&files, &folder.path().join("out"), &list, registries).unwrap();
         Labelled::read(&files, &folder.path().join("out"))
     };

@@ -35,8 +35,8 @@ fn table(parts: &[(i64, i64, u64)]) -> Table {
     counter.finish()
 }
 
-/// Random overlaps of a few objects and segments. No two have the same number of points, so that no tie has
-/// to be broken by an id.
+/// Random overlaps of a few objects and segments. No two overlaps have the same number of points, so that no
+/// tie is broken by an id.
 fn parts() -> impl Strategy<Value = Vec<(i64, i64, u64)>> {
     proptest::collection::vec((0_i64..9, 0_i64..9, 1_u64..40), 1..40).prop_map(|parts| {
         let numbered = parts.into_iter().enumerate();
@@ -86,7 +86,8 @@ proptest! {
 
     #[test]
     fn renaming_changes_nothing(parts in parts(), turn in 1_i64..8) {
-        // Ids 1 to 8 are permuted on both sides; 0 is still none. The cell has the class, not the id.
+        // Ids 1 to 8 are permuted on both sides; 0 still means none. The class belongs to the cell, not to
+        // the id.
         let name = |id: i64| if id == 0 { 0 } else { 1 + (id - 1 + turn) % 8 * 1_000_000_007 };
         let original = table(&parts);
         let mut renamed = Counter::default();
@@ -204,7 +205,7 @@ fn street(points: usize) -> Vec<Labelled> {
             };
             Labelled {
                 at,
-                // Many points have equal times, and some have entirely equal keys.
+                // Many points have equal times, and some have completely equal keys.
                 time: (index / 4) as f64 * 1e-5,
                 segment,
                 object: if is_ground { 0 } else { object + 1 },
@@ -285,7 +286,7 @@ fn shuffled(points: &[Labelled]) -> Vec<Labelled> {
     let mut random = Random(5);
     let mut keyed: Vec<(u64, usize)> = (0..points.len()).map(|index| (random.next(), index)).collect();
     keyed.sort_unstable();
-    // The two points of one key keep their order, because it decides between them.
+    // The two points with one key keep their order, because the order decides how they are matched.
     let last = points.len() - 2;
     let order = keyed.iter().map(|key| key.1).filter(|&index| index < last).chain([last, last + 1]);
     order.map(|index| points[index]).collect()

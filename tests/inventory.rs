@@ -1,5 +1,5 @@
-//! The columns of the table of objects: what README.md says of them is generated from the registry, their
-//! names keep the rules, and an object keeps its `uid`.
+//! The columns of the table of objects: their table in README.md is generated from the registry, their names
+//! follow the rules, and an object keeps its `uid`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -11,7 +11,7 @@ use crate::util::drive::{drive, scratch, settings};
 use crate::util::las::{Point, Shape};
 use crate::util::shipped;
 
-/// Where the generated part of README.md begins and ends.
+/// Start and end of the generated part of README.md.
 const BEGIN: &str =
     "<!-- columns of objects: generated from src/inventory, checked by tests/inventory.rs -->\n";
 const END: &str = "<!-- end of columns of objects -->\n";
@@ -84,7 +84,7 @@ fn street(from: i64, to: i64) -> Vec<Point> {
     points
 }
 
-/// The rows of the table of objects by `uid`. Only objects that are not cut.
+/// The rows of the table of objects by `uid`, without objects that are cut.
 fn whole_objects(out: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
     let text = std::fs::read_to_string(out.join("objects.csv")).expect("a table");
     let mut lines = text.lines();
@@ -100,7 +100,7 @@ fn whole_objects(out: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
     rows.filter(|(_, row)| row["cut"] == "false").collect()
 }
 
-/// A file before the others changes all ids, chainages and tiles, and no `uid`.
+/// An additional file before the others changes all ids, chainages and tiles, but no `uid`.
 #[test]
 fn an_object_keeps_its_uid_when_files_are_added_and_tiles_change() {
     let folder = scratch();

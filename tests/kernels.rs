@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use crate::util::oracle;
 
 const LATTICE: Lattice = Lattice::MILLIMETRE;
-/// Small scenes of a few metres must test the context, so noise looks 4 voxels around instead of 10.
+/// Scenes of a few metres must test the context, so the noise filter searches 4 voxels around instead of 10.
 const NOISE: NoiseConfig =
     NoiseConfig { enabled: true, voxel: 0.3, min_component_points: 4, keep_sparse: false, high: 0.9 };
 const GROUND: VoxelColumnConfig =
@@ -22,7 +22,7 @@ const GROUND: VoxelColumnConfig =
 type Points = Vec<[i64; 3]>;
 
 /// A coordinate: anywhere, on a face of a voxel, just below one, or at a multiple of 100 (where distances of
-/// exactly 300 abound).
+/// exactly 300 are frequent).
 fn coordinate(extent: i64) -> impl Strategy<Value = i64> {
     prop_oneof![
         0..extent,
@@ -84,7 +84,7 @@ fn filtered(filter: &dyn GroundFilter, cloud: &TileCloud) -> Vec<PointClass> {
     classes
 }
 
-/// Voxels of so many millimetres, blocks of so many voxels.
+/// The filter with voxels of `voxel` millimetres and blocks of `block` voxels.
 fn upward_growing(voxel: i64, block: i64) -> UpwardGrowing {
     let voxel_m = voxel as f64 / 1_000.0;
     let config = UpwardGrowingConfig {
@@ -119,8 +119,8 @@ fn inside(core: [i64; 4], reach: f64, point: [i64; 3]) -> bool {
     dx * dx + dy * dy <= (reach * 1_000.0).powi(2)
 }
 
-/// Compares the results of `classify` for the points of a core: from all points, and from those within
-/// `reach` only.
+/// Compares the results of `classify` for the points of a core: from all points, and only from the points
+/// within `reach`.
 fn core_needs_only_its_context(
     points: &Points,
     core: [i64; 4],
@@ -145,7 +145,8 @@ fn wide_points() -> impl Strategy<Value = Points> {
     prop::collection::vec(point, 1..250)
 }
 
-/// A corridor between walls that is as long as a room may not be is ground. That must be seen from its end.
+/// A corridor between walls is ground if it is longer than any room. The filter must see its whole length
+/// from its end.
 #[test]
 fn the_far_end_of_a_corridor_is_within_the_reach_of_opening() {
     let config =
@@ -353,8 +354,8 @@ proptest! {
     }
 }
 
-/// A diagonal of voxels with one point each in the far corner: the longest extent of a component of n points.
-/// With one point less in view, it would be noise.
+/// A diagonal of voxels with one point each, the last one in the far corner: the longest extent of a
+/// component of n points. With one point less in view, it would be noise.
 #[test]
 fn the_reach_of_noise_is_not_larger_than_it_must_be() {
     let points: Points =

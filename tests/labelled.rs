@@ -1,5 +1,5 @@
-//! Labelled copies: every file that can be opened is copied to LAS and LAZ with random labels. Everything but
-//! label and class is compared with the original, byte by byte.
+//! Labelled copies: every file that can be opened is copied to LAS and LAZ with random labels. Everything
+//! except label and class is compared with the original, byte by byte.
 
 use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -110,7 +110,8 @@ fn chain(bytes: &[u8], mut at: usize, end: usize, count: usize, head: usize) -> 
     found
 }
 
-/// The records that a copy must keep: neither those of LASzip and COPC, nor the extra bytes, which grow.
+/// The records that a copy must keep: all except those of LASzip and COPC, and the description of extra
+/// bytes, which grows.
 fn kept(records: Vec<Record>) -> Vec<Record> {
     let drop = |(user, record, ..): &Record| {
         user.starts_with(b"laszip encoded")
@@ -262,7 +263,7 @@ fn relabel(copied: &InputFile, folder: &Path) {
     }
 }
 
-/// A run of today on a copy that an earlier run or another program has classified.
+/// A run on a copy that an earlier run or another program has classified.
 #[test]
 fn classes_that_the_run_decides_are_kept_by_no_other_point() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
@@ -277,7 +278,8 @@ fn classes_that_the_run_decides_are_kept_by_no_other_point() {
         object_class,
         ..LabelOptions::default()
     };
-    // What the points are before: never classified, ground, three kinds of vegetation, building, noise twice.
+    // The classes of the points before: never classified, ground, three kinds of vegetation, building, two
+    // kinds of noise.
     let old = [0, 2, 3, 4, 5, 6, 7, 18];
     let mut classified = before.to_vec();
     classified.chunks_exact_mut(size).zip(old).for_each(|(record, class)| record[place] = class);
@@ -290,15 +292,15 @@ fn classes_that_the_run_decides_are_kept_by_no_other_point() {
         out.chunks_exact(plan.record_len()).map(|record| record[place]).collect::<Vec<_>>()
     };
     let [object, ground] = [PointClass::Object, PointClass::Ground].map(PointClass::code);
-    // A method without classes leaves those of other programs, but for ground and noise.
+    // A method without classes keeps the classes of other programs, except ground and noise.
     assert_eq!(new(&of_run(false), [1; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
     assert_eq!(new(&of_run(false), [0; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
     assert_eq!(new(&of_run(false), [0; 8], ground, 0), [2; 8]);
-    // Points of poles, and points of no object, are neither vegetation nor building.
+    // Points of poles, and points without an object, are neither vegetation nor building.
     assert_eq!(new(&of_run(true), [1; 8], object, 3), [0, 1, 1, 1, 1, 1, 1, 1]);
     assert_eq!(new(&of_run(true), [0; 8], object, 0), [0, 1, 1, 1, 1, 1, 1, 1]);
     assert_eq!(new(&of_run(true), [1; 8], object, 2), [5; 8]);
-    // Beside a section nothing was decided but the objects that reach there.
+    // Outside a section, only the class of objects that reach there is decided.
     assert_eq!(new(&of_run(true), [0; 8], PointClass::UNDECIDED, 0), old);
     assert_eq!(new(&of_run(true), [1; 8], PointClass::UNDECIDED, 2), [5; 8]);
     // Without a ground filter and without a search for noise, both stay.
@@ -308,7 +310,7 @@ fn classes_that_the_run_decides_are_kept_by_no_other_point() {
     assert_eq!(new(&kept, [1; 8], object, 2), old);
 }
 
-/// `object_class` of an earlier run is not that of a method without classes.
+/// A method without classes does not keep `object_class` of an earlier run.
 #[test]
 fn a_method_without_classes_clears_those_of_an_earlier_run() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
@@ -410,7 +412,7 @@ fn with_extra_bytes(extra: usize, descriptors: &[(&str, u8, u8)]) -> Vec<u8> {
 
 #[test]
 fn the_label_follows_bytes_that_nobody_described() {
-    // (extra bytes, descriptors, dimensions that are there, warnings, descriptors of the copy)
+    // (extra bytes, descriptors, dimensions found, warnings, descriptors of the copy)
     type Case = (usize, &'static [(&'static str, u8, u8)], usize, usize, usize);
     let cases: [Case; 5] = [
         (300, &[], 0, 0, 4),                              // 255 and 45 bytes, label, class

@@ -1,5 +1,5 @@
-//! What the program says about inputs, folders and settings that do not fit, and that it is true. One test
-//! for each statement.
+//! The messages of the program about unsuitable inputs, folders and settings, and that they are true. One
+//! test for each message.
 
 use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStringExt;
@@ -57,7 +57,7 @@ fn outputs_inside_the_searched_folders_are_no_input() {
     }
     let info = told(folder.path(), &["info", "drive", "-r"]);
     assert!(info.contains("10,310 in 1 file,"), "{info}");
-    // A folder with input is no output folder, and what the message names is an input.
+    // A folder with input is refused as output folder, and the message names an input file.
     let both = refused(folder.path(), &["run", "drive/first", "-o", "drive/first"], 5);
     assert!(both.contains("drive/first/mls_profiles.las would be overwritten"), "{both}");
     assert!(!folder.path().join("drive/first/.chainage").exists());
@@ -237,7 +237,7 @@ fn what_a_run_refuses_is_refused_by_a_plan_and_by_config() {
         assert_eq!(refused(folder.path(), &["config", "--set", value], 3), by_plan);
         assert!(by_plan.contains(": must be a "), "{by_plan}");
     }
-    // A whole number of 301 digits is a number.
+    // A whole number of 301 digits is still a number.
     for length in ["--tile-length", "--to"] {
         let text = refused(folder.path(), &["plan", "drive/first", length, "1e300"], 3);
         assert!(!text.contains("must be a number"), "{text}");
@@ -277,7 +277,7 @@ fn a_model_that_is_not_there_is_no_scan() {
 fn temporary_folders_are_new_and_are_removed() {
     let folder = with_drive();
     let estimate = ["estimate-epsilon", "drive/first", "--scratch", "for a time", "--progress", "none"];
-    // The sample is too small for an estimate. Its temporary folder is removed all the same.
+    // The sample is too small for an estimate. The temporary folder is removed nevertheless.
     refused(folder.path(), &estimate, 4);
     assert_eq!(std::fs::read_dir(folder.path().join("for a time")).expect("a folder").count(), 0);
 }
@@ -414,7 +414,7 @@ fn outputs_and_settings_of_outputs_without_effect_are_told() {
         assert_eq!(text.matches("has no effect").count(), 1, "{more:?}: {text}");
         assert!(text.contains(told), "{more:?}: {text}");
     }
-    // What has an effect is not told.
+    // Settings that have an effect are not reported.
     let (_, _, text) = call(
         folder.path(),
         &[&["run", "drive/first", "-o", "out", "--copc", "--keep-original"], &CHEAP[..]].concat(),
@@ -464,7 +464,7 @@ fn a_finished_run_is_finished_when_its_input_is_gone() {
     assert!(next.contains("\"pass\": null"), "{next}");
     let other = told(folder.path(), &["status", "out", "--set", "euclidean.max_gap_m=0.5"]);
     assert!(other.contains("finished with the settings of the last call"), "{other}");
-    // An output that is gone as well.
+    // A further output is gone as well.
     std::fs::remove_file(folder.path().join("out/objects.csv")).expect("removed");
     let text = refused(folder.path(), &["status", "out"], 4);
     assert!(text.contains("drive/first"), "{text}");
@@ -556,7 +556,7 @@ fn huge_numbers_have_an_exponent() {
     assert!(text.contains("euclidean.max_gap_m = 1e300: must be"), "{text}");
     let path = folder.path().join("drive/first").join(SAMPLE);
     let mut bytes = std::fs::read(&path).expect("the sample");
-    // The largest x of the header, and then the smallest.
+    // The largest x in the header, and then the smallest.
     bytes[179..187].copy_from_slice(&(-1e300_f64).to_le_bytes());
     std::fs::write(&path, &bytes).expect("written");
     let text = told(folder.path(), &["info", "drive/first"]);
@@ -587,7 +587,7 @@ fn json_means_the_same_in_every_command() {
         assert!(blank.contains("write '--json=facts.json' to write one"), "{blank}");
         assert!(!folder.path().join("facts.json").exists());
     }
-    // The option comes before the input, which is not taken for its file.
+    // The option comes before the input, and the input is not mistaken for its file.
     assert!(
         told(
             folder.path(),
@@ -642,7 +642,7 @@ fn a_list_of_outputs_may_have_blanks_and_surfaces_are_named() {
     assert!(view.contains("unless --no-report or --outputs leaves it out"), "{view}");
 }
 
-/// `-q` is there where something is shown, and shows warnings only.
+/// `-q` exists in every command that shows progress, and leaves only warnings.
 #[test]
 fn quiet_is_the_same_in_every_command_that_shows_progress() {
     let folder = with_drive();

@@ -185,7 +185,7 @@ const CUT: MethodRun = MethodRun {
     results: &["tree_road_sweep.laz", "objects.csv", "objects.geojson"],
 };
 
-/// The scan is thin: 16 beams of one sweep.
+/// A large gap, because the scan is sparse: 16 beams of one sweep.
 const THIN: &str = "euclidean.max_gap_m=0.8";
 
 #[test]

@@ -23,12 +23,12 @@ use crate::util::surface_oracle::{self, Settings};
 
 type Points = Vec<[i64; 3]>;
 
-/// A deviation with about this standard deviation, in millimetres: a sum of 12 even ones.
+/// A random deviation with about this standard deviation, in millimetres: a sum of 12 uniform numbers.
 fn noise(rng: &mut ChaCha8Rng, deviation: f64) -> f64 {
     (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>() * deviation
 }
 
-/// A rectangle of points at random: corner, and sides, in millimetres.
+/// A rectangle of random points: corner and two sides, in millimetres.
 type Rectangle = ([f64; 3], [f64; 3], [f64; 3]);
 
 fn rectangle(rng: &mut ChaCha8Rng, (corner, u, v): Rectangle, count: usize, deviation: f64) -> Points {
@@ -40,9 +40,9 @@ fn rectangle(rng: &mut ChaCha8Rng, (corner, u, v): Rectangle, count: usize, devi
         .collect()
 }
 
-/// Two walls, a floor, a leaning board and dust, in places that differ by the seed. Noise is well above the
-/// lattice: where half of a small slice lies exactly in one plane, the last digit of its eigenvalue chooses
-/// the plane.
+/// Two walls, a floor, a leaning board and dust, in places that depend on the seed. The noise is much larger
+/// than the lattice step: if half of a small slice lay exactly in one plane, the last digit of its eigenvalue
+/// would choose the plane.
 fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
     let base = [0, 1, 2].map(|_| rng.random_range(-9_000.0..9_000.0));
     let at = |by: [f64; 3]| [0, 1, 2].map(|k| base[k] + by[k]);
@@ -62,7 +62,7 @@ fn scene(rng: &mut ChaCha8Rng) -> (Points, Vec<bool>) {
     for _ in 0..80 {
         points.push([0, 1, 2].map(|k| (base[k] + rng.random_range(-500.0..2_500.0)) as i64));
     }
-    // Some points are there more than once.
+    // Some points occur more than once.
     for _ in 0..15 {
         points.push(points[rng.random_range(0..points.len())]);
     }
@@ -102,7 +102,7 @@ fn planes(found: &Outcome) -> BTreeMap<usize, Plane> {
     let grouped = found.grouped.as_ref().unwrap();
     let count = found.objects.iter().flatten().collect::<std::collections::BTreeSet<_>>().len();
     assert!(grouped.planes.len() <= count);
-    // Groups have no ids of points, but centres are different.
+    // Groups have no ids of points, but their centres differ.
     let key = |plane: &Plane| {
         usize::try_from(plane.points).unwrap() * 1_000_003 + plane.centre[0].rem_euclid(1_000_003) as usize
     };
@@ -139,10 +139,10 @@ fn in_dense_noise_a_contest_finds_what_brute_force_does() {
     let mut changed = 0;
     for seed in 0..4 {
         let mut rng = ChaCha8Rng::seed_from_u64(500 + seed);
-        // Over a corner of cubes of 0.5 m.
+        // Around a corner of cubes of 0.5 m.
         let points: Points = (0..2_000).map(|_| [0, 1, 2].map(|_| rng.random_range(400..600))).collect();
         let ground = vec![false; points.len()];
-        // Without merging, for which brute force has only the rule at borders.
+        // Without merging, because brute force has only the border rule for it.
         let of_contest = Settings { angle_deg: 0.0, contest_rounds: 2, ..settings(&mut rng) };
         let settings = Settings { neighbours: 30, ..of_contest };
         let (expected, figures) = surface_oracle::surfaces(&points, &ground, &settings);
@@ -203,7 +203,7 @@ fn every_plane_of_a_room_is_found_once_with_its_angle_and_offset() {
         let object = sizes.iter().find(|(_, size)| **size == largest).unwrap().0;
         let all = found.objects.iter().filter(|other| *other == object).count();
         assert!(largest * 10 > all * 9, "plane {number} is one of several in its surface");
-        // The one plane with about so many points whose normal and place agree.
+        // Exactly one plane with about this many points must agree in normal and place.
         let agrees = |plane: &&Plane| {
             let cosine: f64 = (0..3).map(|k| plane.normal[k] * normal[k]).sum();
             let offset: f64 =
@@ -249,8 +249,8 @@ fn a_road_and_a_pavement_are_two_surfaces_unless_only_normals_decide() {
     }
 }
 
-/// A road, a kerb of 0.12 m and a pavement along 5 m, at 2000 points per square metre and noise of 10 mm. The
-/// points of the kerb are those from the first of its numbers.
+/// A road, a kerb of 0.12 m and a pavement along 5 m, with 2000 points per square metre and noise of 10 mm.
+/// Also returns the range of the points of the kerb.
 fn kerb(rng: &mut ChaCha8Rng) -> (Points, std::ops::Range<usize>) {
     let side = [5_000.0, 0.0, 50.0];
     let mut points = rectangle(rng, ([300.0, -800.0, 0.0], side, [0.0, 800.0, 16.0]), 8_000, 10.0);
@@ -295,7 +295,7 @@ fn a_kerb_is_found_once_by_contests_and_in_pieces_without() {
         assert!(plane.normal[1].abs() > 5.0_f64.to_radians().cos(), "seed {seed}: {plane:?}");
         assert!(plane.centre[1].abs() < 5, "seed {seed}: {plane:?}");
     }
-    // Of a kerb of 5 m, a slice that leans may survive the contests and keep two pieces apart.
+    // In a kerb of 5 m, a leaning slice may survive the contests and keep two pieces apart.
     assert!(once * 2 > seeds.len(), "{once} of {} kerbs are found once", seeds.len());
 }
 
@@ -341,8 +341,8 @@ fn a_slice_through_many_tiles_is_gathered_by_one_of_them_and_once() {
     let tiled = MemoryDrive::new(&points, &ground, tiles, |cell| cell[0].unsigned_abs()).run(&method);
     assert_eq!(tiled.objects, whole.objects);
     assert_eq!(planes(&tiled), planes(&whole));
-    // The tile that fits it reads what each tile has of it. To compare slices, a tile reads what it has
-    // itself and what its two neighbours have.
+    // The tile that fits the plane of the slice reads the part in each tile. To compare slices, a tile reads
+    // its own part and the parts of its two neighbours.
     let tiles = tiles as usize;
     assert_eq!(tiled.reads[1], tiles);
     assert!((tiles..=3 * tiles).contains(&tiled.reads[2]), "{}", tiled.reads[2]);
@@ -425,7 +425,8 @@ fn another_method_leaves_no_surfaces_behind() {
     assert!(!out.join("surfaces.csv").exists() && !out.join("surfaces.ply").exists());
 }
 
-/// The number of a surface is no number of an object, so it has a name of its own, which `eval` finds.
+/// The number of a surface is not the number of an object, so its dimension has a name of its own, which
+/// `eval` finds.
 #[test]
 fn surfaces_have_a_dimension_of_their_own() {
     let folder = scratch();
@@ -450,7 +451,7 @@ fn surfaces_have_a_dimension_of_their_own() {
     let found = score(&[]);
     assert_eq!(found["compared"]["prediction_dim"], "surface_id");
     assert_eq!(found, score(&["--prediction-dim", "surface_id"]));
-    // A drive that went through two methods has both, so `eval` says which one it compares.
+    // A drive processed by two methods has both dimensions, so `eval` says which one it compares.
     let out = folder.path().join("both");
     run_to_the_end(&[copy], &out, &[]);
     let said = |more: &[&str]| {

@@ -157,7 +157,8 @@ fn a_file_without_points_is_accepted_with_a_warning() {
         let mut bytes = counting(name, 0);
         let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes")) as usize;
         bytes.truncate(start);
-        // Nothing, zeros that a writer reserved, and what LASzip writes: a position and a table of no chunks.
+        // No bytes, zeros that a writer reserved, and the bytes that LASzip writes: a position and a table
+        // without chunks.
         let mut table = (start as u64 + 8).to_le_bytes().to_vec();
         table.extend([0; 8]);
         for rest in [Vec::new(), vec![0; 200_000], table] {
@@ -195,7 +196,7 @@ fn records_beyond_the_count_are_not_dropped_in_silence() {
         ) && text.contains("-set_number_of_point_records 10310"),
         "{text}"
     );
-    // Reserved space is no record, and neither is less than one.
+    // Reserved space does not count as records, and neither does a part of a record.
     let mut reserved = counting(LAS, 10_000);
     reserved.extend(vec![0; 300_000]);
     assert_eq!(warnings(&reserved).join("\n"), text);
@@ -357,7 +358,7 @@ fn coordinate_systems_of_one_drive_must_agree() {
     assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());
     let text = outcome(&open(&[one.clone(), other]));
     assert!(text.starts_with("CrsDiffers") && text.contains("zone 33 (EPSG:25833)"), "{text}");
-    // A file without points has no coordinates, and counts as none of them.
+    // A file without points has no coordinates, so its system does not count.
     let mut empty = counting(LAS, 0);
     empty.truncate(227);
     let empty = folder.file("e.las", &empty);
@@ -394,7 +395,7 @@ fn systems_without_a_code_must_agree_in_their_numbers() {
     let unreadable = file("d.las", "PROJCS[\"another\",UNIT[\"metre\",1]]");
     let text = outcome(&open(&[nine.clone(), fifteen.clone()]));
     assert!(text.starts_with("CrsDiffers"), "{text}");
-    // Of the code, the file has a name only.
+    // The texts of these files have no numbers of a projection to compare.
     for other in [&by_code, &unreadable] {
         open(&[nine.clone(), other.clone()]).expect("nothing contradicts");
         open(&[other.clone(), nine.clone()]).expect("nothing contradicts");
@@ -412,9 +413,9 @@ fn a_code_that_nobody_knows_is_not_named() {
     assert_eq!(catalog.crs().epsg, None);
     let warnings = catalog.warnings().join("\n");
     assert!(warnings.starts_with("a.las: EPSG:99999 is not known"), "{warnings}");
-    // Programs look up a code in the text as well.
+    // Other programs look up a code in the text as well, so the text must not have one.
     assert_eq!(catalog.crs().text(), Some(nameless(9, "").as_str()));
-    // The code of a system in metres, and coordinates in feet.
+    // The code of a system in metres, but coordinates in feet.
     let feet = nameless(9, ",AUTHORITY[\"EPSG\",\"25832\"]").replace("\"metre\",1", "\"foot\",0.3048");
     let catalog = open_bytes(&with_wkt(&feet)).expect("accepted");
     assert_eq!(catalog.crs().text(), Some(feet.replace(",AUTHORITY[\"EPSG\",\"25832\"]", "").as_str()));

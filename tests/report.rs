@@ -1,5 +1,5 @@
-//! The page `report.html`: what it shows of a drive, that tiles and threads do not change it, and when it is
-//! written.
+//! The page `report.html`: what it shows about a drive, that tiles and threads do not change it, and when it
+//! is written.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -65,7 +65,7 @@ fn every_object_is_shown_and_the_table_is_that_of_the_csv() {
     for object in 1..=summary.objects {
         assert!(shown.contains(&(u32::try_from(object).expect("few") + 1)), "object {object}");
     }
-    // Nearly all points fit; points within one centimetre are one.
+    // Nearly all points fit. Points within one centimetre are merged.
     let (without_noise, len) = (summary.counts.object + summary.counts.ground, keys.len() as u64);
     assert!(
         len <= without_noise + summary.objects as u64 && len * 10 > without_noise * 9,
@@ -180,9 +180,9 @@ fn outputs_that_are_not_chosen_are_left_out() {
     let all = "points,csv,geojson,report";
     let whole = call(all);
     let complete = page(&out);
-    // What an earlier call wrote goes with it.
+    // The outputs of an earlier call are removed.
     assert_eq!(call("report"), [".chainage", "report.html", "report.json"]);
-    // The points are sampled without labelled copies as with them.
+    // The same points are sampled without labelled copies as with them.
     assert_eq!(part(&page(&out), "points"), part(&complete, "points"));
     assert_eq!(call("csv"), [".chainage", "objects.csv", "report.json"]);
     assert_eq!(call("points"), [".chainage", "report.json", "tree_road_sweep.laz"]);
@@ -202,7 +202,7 @@ fn without_a_report_the_page_of_an_earlier_call_goes() {
     // An OUT without a page, as older versions left it, gets one.
     run_to_the_end(&sweep(), &out, &[]);
     let first = page(&out);
-    // Nothing to do, and nothing is written.
+    // There is nothing to do, and nothing is written.
     let output = run_command(&sweep(), &out, &[]).output().expect("starts");
     assert_eq!(ended(&output).0, 0);
     assert!(page(&out) == first);

@@ -1,5 +1,5 @@
 //! Interruptions: killed, truncated, out of space, damaged, changed during the run. The same command resumes
-//! and computes only what it must. The result is that of an undisturbed run, byte by byte.
+//! and computes only what is necessary. The result equals that of an undisturbed run, byte by byte.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -14,14 +14,14 @@ use crate::util::program::{ended, events, finished, run_command, run_to_the_end,
 use crate::util::street::{Course, Street};
 use crate::util::{shipped, skipped};
 
-/// Many small units.
+/// Options that give many small units.
 const TILES: [&str; 4] = ["--tile-length", "4", "--memory", "256M"];
 
 fn options<'a>(more: &[&'a str]) -> Vec<&'a str> {
     TILES.iter().copied().chain(more.iter().copied()).collect()
 }
 
-/// A street of some 15,000 points.
+/// A street of about 15,000 points.
 fn street() -> Street {
     Street { things: 300, patches: 2_000, ..Street::middling(5, Course::Straight) }
 }
@@ -132,13 +132,13 @@ fn a_changed_distance_redoes_clusters_and_files_and_nothing_before() {
     let direct = inputs.path("direct");
     run_to_the_end(&inputs.list("street.las"), &direct, &options(&["--set", "euclidean.max_gap_m=0.5"]));
     assert_same_outputs(&direct, &out, "changed distance");
-    // And back.
+    // Then back to the first settings.
     run_to_the_end(&inputs.list("street.las"), &out, &options(&[]));
     assert!(outputs(&out) == first);
 }
 
-/// All methods write their labels to the same place. The labels of one must not count as finished work of the
-/// other.
+/// All methods write their labels to the same place. The labels of one method must not count as finished work
+/// of another.
 #[test]
 fn another_method_and_back_again_gives_the_first_result() {
     let inputs = Inputs::new();
@@ -204,7 +204,7 @@ fn another_input_is_refused_and_a_touched_one_is_not() {
     run_to_the_end(&inputs.list("street.las"), &out, &options(&["--fresh"]));
 }
 
-/// Where x starts is in the header: the points are the same, and yet they lie elsewhere.
+/// The offset of x is in the header: the records are the same, but the points lie elsewhere.
 #[test]
 fn another_header_is_refused() {
     const X_OFFSET: u64 = 155;
@@ -233,9 +233,9 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
     points[2_000].mm[0] += 50_000;
     points[2_001].mm[1] -= 50_000;
     let mut wrong = Shape::default().compressed(&points, 500);
-    // Another header would be refused for itself.
+    // Another header would be refused for a different reason.
     wrong[..HEADER_BYTES].copy_from_slice(&right[..HEADER_BYTES]);
-    // Both get the same size, because a file may have anything after its points.
+    // Both get the same size, which is possible because a file may have any bytes after its points.
     let size = right.len().max(wrong.len());
     let time = std::time::SystemTime::now() - Duration::from_secs(100);
     let put = |bytes: &[u8], since: u64| {
@@ -246,7 +246,7 @@ fn a_refused_input_leaves_no_trace_in_the_state() {
         file.set_modified(time + Duration::from_secs(since)).expect("a time");
     };
     put(&right, 0);
-    // Tiles so long that they read the unpacked positions instead of points grouped by tile.
+    // Tiles are so long that they read the unpacked positions instead of points grouped by tile.
     let long = ["--tile-length", "30"];
     let out = inputs.path("out");
     run_to_the_end(&inputs.list("street.laz"), &out, &long);
@@ -361,8 +361,8 @@ fn lost_vertices_of_cells_are_found_again() {
     }
 }
 
-/// The copy is lost after its unit is done and before it gets its name (which a folder has). Then the same
-/// with a copy that another call started with other settings.
+/// The copy is lost after its unit is done and before it gets its name (a folder has this name). Then the
+/// same with a copy that another call started with other settings.
 #[test]
 fn a_lost_half_written_copy_is_written_again() {
     let inputs = Inputs::new();
@@ -397,8 +397,8 @@ fn a_lost_half_written_copy_is_written_again() {
     }
 }
 
-/// The copy has its name, and the run ends before its last file has. Then the record of a unit is lost, or
-/// the copy is cut off.
+/// The copy has its name, but the run ends before its last file has. Then a unit is lost, or the copy is
+/// truncated.
 #[test]
 fn a_copy_that_has_its_name_is_whole_or_written_again() {
     let inputs = Inputs::new();
@@ -444,7 +444,7 @@ fn fresh_starts_over_in_the_same_directory() {
     assert!(outputs(&out) == bytes);
 }
 
-/// What refuses a request comes before the earlier run is given up.
+/// A request is refused before the earlier run is discarded.
 #[test]
 fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
     let inputs = Inputs::new();
@@ -469,13 +469,13 @@ fn fresh_gives_nothing_up_for_a_request_that_is_refused() {
     run_to_the_end(&list, &out, &options(&[]));
     assert_eq!(finished(&events(&out)[before..], "ground"), 0, "the state of the earlier run was lost");
     assert!(outputs(&out) == bytes);
-    // Where there was no run, none seems to be there afterwards.
+    // If there was no run before, there must not seem to be one afterwards.
     let new = inputs.path("new");
     refused(&list, &new, &["--set", "output.files=[\"bogus\"]"], 3, &["output.files = \"bogus\""]);
     assert!(!new.exists(), "a folder for a run that was refused");
 }
 
-/// Copies of another format would be scored and shown beside those of this call.
+/// Copies in another format would be scored and shown together with the copies of this call.
 #[test]
 fn outputs_of_an_earlier_call_are_removed_and_named() {
     let inputs = Inputs::new();
@@ -620,7 +620,7 @@ fn ctrl_c_ends_with_130_and_the_same_command_resumes() {
     assert_same_outputs(&undisturbed, &out, "after Ctrl-C");
 }
 
-/// What a shell does with the program after it has executed `before`.
+/// A shell that executes `before` and then starts the program.
 fn in_shell(before: &str, inputs: &[PathBuf], out: &Path, more: &[&str]) -> Command {
     let run = run_command(inputs, out, more);
     let mut command = Command::new("sh");
@@ -629,7 +629,7 @@ fn in_shell(before: &str, inputs: &[PathBuf], out: &Path, more: &[&str]) -> Comm
     command
 }
 
-/// `nohup` has the program ignore the end of the session.
+/// `nohup` makes the program ignore the end of the session.
 #[cfg(target_os = "linux")]
 #[test]
 fn the_end_of_the_session_is_ignored_below_nohup() {
@@ -684,7 +684,7 @@ fn nothing_foreign_is_overwritten_and_no_input_is_at_risk() {
     }
     refused(&inputs.list("sweep.laz"), inputs.folder.path(), &[], 5, &["sweep.laz would be overwritten"]);
     assert!(!inputs.path(".chainage").exists(), "state was begun beside the input");
-    // A link to the folder of the input is the folder of the input.
+    // A link to the folder of the input counts as this folder.
     std::os::unix::fs::symlink(inputs.folder.path(), inputs.path("link")).expect("a link");
     refused(&inputs.list("sweep.laz"), &inputs.path("link"), &[], 5, &["would be overwritten"]);
 }
@@ -708,7 +708,7 @@ fn outputs_that_were_removed_or_cut_are_written_again() {
             run_to_the_end(&inputs.list(name), &out, &options(&[]));
             assert!(outputs(&out) == bytes, "{file} was cut");
         }
-        // The report has times, and is written last. A run killed before it is not finished.
+        // The report contains times, and is written last. A run that is killed before that is not finished.
         let report = || -> serde_json::Value {
             serde_json::from_slice(&std::fs::read(out.join("report.json")).expect("the report"))
                 .expect("JSON")

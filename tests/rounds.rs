@@ -1,6 +1,6 @@
-//! Steps that are repeated until they have settled, by a small method that needs as many rounds as there are
-//! tiles: the smallest id along a chain of voxels through all tiles. And `status`, which names exactly the
-//! passes that `run` executes.
+//! Steps that are repeated until they have settled, tested with a small method that needs one round per tile:
+//! the smallest id along a chain of voxels through all tiles. Also `status`, which names exactly the passes
+//! that `run` executes.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -28,7 +28,7 @@ const EDGE: i64 = 200;
 /// Voxels with the smallest id that is known to be connected with them.
 type Names = BTreeMap<[i64; 3], u64>;
 
-/// Every voxel takes the smallest id of all that it is connected with.
+/// A method in which every voxel takes the smallest id of all voxels that are connected with it.
 #[derive(Debug)]
 struct Smallest {
     steps: [Step; 3],
@@ -68,7 +68,7 @@ fn decode(bytes: &[u8]) -> Names {
     words.chunks(4).map(|row| ([0, 1, 2].map(|k| row[k].cast_signed()), row[3])).collect()
 }
 
-/// Every voxel takes the smallest name that it reaches through `names` and, with one step, `beyond`.
+/// Every voxel takes the smallest name that it reaches through `names` and, with a single step, in `beyond`.
 fn spread(names: &mut Names, beyond: &Names) {
     loop {
         let before = names.clone();
@@ -192,8 +192,8 @@ fn registries(cluster: &[ClusterEntry]) -> Registries<'_> {
     Registries { ground: ground::REGISTRY, cluster }
 }
 
-/// Wires beside each other: neighbours are on a line at first, which has no tangent point, and on a plane
-/// from some 30 on.
+/// Parallel wires: the first neighbours are on a line, whose curve has no tangent point, and from about 30 on
+/// they are on a plane.
 fn many_wires(folder: &Path) -> PathBuf {
     let wire = |wire: i64| (0..300).map(move |step| Point::at([step * 100, wire * 1_500, 3_000]));
     let points: Vec<Point> = (0..10).flat_map(wire).collect();
@@ -202,7 +202,7 @@ fn many_wires(folder: &Path) -> PathBuf {
     path
 }
 
-/// Remembers passes with their units, and cancels after so many units of the pass with a number.
+/// Remembers passes with their units, and cancels after the first unit of the pass with a given number.
 struct Watch<'a> {
     passes: Mutex<Vec<(String, usize)>>,
     stop: Option<(usize, &'a CancelToken)>,
@@ -277,11 +277,11 @@ fn a_step_settles_to_the_same_bytes_in_any_tiles() {
         assert_eq!(result.expect("a run").tiles, tiles, "tiles of {length} m");
         assert_same_outputs(&whole, &out, &format!("tiles of {length} m, {threads} threads"));
         let rounds: Vec<usize> = passes.iter().filter(|pass| pass.0 == "spread").map(|pass| pass.1).collect();
-        // As many as there are tiles, and one that finds nothing new; all tiles in the first two, then those
-        // ahead.
+        // One round per tile, and one that finds nothing new. All tiles run in the first two rounds, and then
+        // only the tiles ahead.
         assert!((tiles..=tiles + 1).contains(&rounds.len()), "{rounds:?} rounds of {tiles} tiles");
         assert_eq!(rounds[0], tiles);
-        // The smallest id is one tile further in every round; those behind it see nothing new.
+        // The smallest id advances by one tile in every round; the tiles behind it see nothing new.
         assert!((2..).zip(&rounds[2..]).all(|(round, &units)| units + round <= tiles + 2), "{rounds:?}");
     }
 }
@@ -299,7 +299,7 @@ fn a_run_stopped_in_any_round_goes_on_to_the_same_bytes() {
         let (result, _) = watched(&input, &out, &list, &[SMALLEST], Some(number));
         match result {
             Err(error) => assert!(matches!(error.cause(), Some(RunError::Interrupted { .. })), "{error}"),
-            // The last unit of all was in flight.
+            // The last unit of the run was already in flight.
             Ok(_) => {
                 assert_eq!(name, "export");
                 continue;
@@ -330,8 +330,8 @@ fn a_step_that_does_not_settle_is_an_error_with_both_numbers() {
     assert_eq!(error.to_string(), "pass spread has not settled after 3 rounds: 7 tiles would run again");
 }
 
-/// What `status` lists is what `run` executes, in the same order and with the same units: for every method,
-/// with and without scattering, for every K of an estimate and for every round.
+/// `status` lists the passes that `run` executes, in the same order and with the same units: for every
+/// method, with and without scattering, for every K of an estimate and for every round.
 #[test]
 fn status_names_the_passes_that_run_executes() {
     let folder = scratch();
@@ -361,7 +361,7 @@ fn status_names_the_passes_that_run_executes() {
         let found =
             names.iter().fold(left.next(), |next, name| if next == Some(name) { left.next() } else { next });
         assert_eq!(found, None, "{names:?} has not {expected:?} in this order");
-        // Only tables and the page show what the inventory measures.
+        // Only tables and the page show the measures of the inventory.
         assert_eq!(
             names.contains(&"inventory"),
             !list.iter().any(|setting| setting.contains("output.files"))

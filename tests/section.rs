@@ -1,5 +1,5 @@
-//! A section of a drive, chosen by `--from` and `--to`: its objects are those of the whole drive, also where
-//! they straddle an end, whatever the tiles. Files without points in it are not copied.
+//! A section of a drive, chosen by `--from` and `--to`: its objects are the same as in the whole drive for
+//! any tiles, even if they straddle an end of the section. Files without points in it are not copied.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::util::las::{Point, Shape};
 use crate::util::program::program;
 
 /// Ground of 0.25 m spacing and 16 m width from `from` to `to` metres along x, a post every 3 m, and a wall
-/// of 22 m every 25 m. The place of a thing decides its size, so that none is like another.
+/// of 22 m every 25 m. The size of a thing depends on its place, so that no two are alike.
 fn street(from: i64, to: i64) -> Vec<Point> {
     let mut points = Vec::new();
     for x in (from * 1_000..to * 1_000).step_by(250) {
@@ -64,7 +64,7 @@ fn number(row: &BTreeMap<String, String>, name: &str) -> f64 {
     row[name].parse().expect("a number")
 }
 
-/// Numbers within a run are no part of what an object is.
+/// The values of an object, without numbers that only have a meaning within a run.
 fn described(row: &BTreeMap<String, String>) -> Vec<(&str, &str)> {
     row.iter()
         .filter(|(name, _)| !["id", "touches"].contains(&name.as_str()))
@@ -103,7 +103,8 @@ fn objects_of_a_section_are_those_of_the_whole_drive() {
                 assert!(found.contains_key(uid), "{method}: {uid} is missing");
             }
         }
-        // Points beside the section have the class of the input; only points of its objects have an object.
+        // Points outside the section have the class of the input; only points of the objects of the section
+        // have an object.
         let part = [&files[0..1], &files[1..2]].concat();
         let (one, all) = (Labelled::read(&part, &out), Labelled::read(&part, &whole_out));
         let mut pairs = BTreeMap::new();
@@ -114,7 +115,7 @@ fn objects_of_a_section_are_those_of_the_whole_drive() {
                 let other = *pairs.entry(all.label[point]).or_insert(one.label[point]);
                 assert_eq!(other, one.label[point], "{method}: an object is divided or joined");
             } else if !(77_000..123_000).contains(&x) {
-                // An object has its class where it reaches out of the section.
+                // An object also has its class where it reaches beyond the section.
                 assert!(one.class[point] == 1 || one.label[point] != 0, "{method}: {x}");
                 assert!(
                     one.label[point] == 0
@@ -161,7 +162,7 @@ fn tiles_do_not_show_in_a_section_and_other_files_are_not_copied() {
         assert_same_outputs(&one, &run(&length, &[&length, "run.threads=2"]), &length);
     }
     assert!(one.join("a.las").exists() && one.join("b.laz").exists() && !one.join("c.las").exists());
-    // The copies of an earlier run of the whole drive do not stay beside those of the section.
+    // The copies of an earlier run of the whole drive do not stay beside the copies of the section.
     let again = folder.path().join("again");
     drive(&files, &again, &[]).expect("a run");
     assert!(again.join("c.las").exists());
@@ -170,7 +171,7 @@ fn tiles_do_not_show_in_a_section_and_other_files_are_not_copied() {
     assert_same_outputs(&one, &again, "after the whole drive");
 }
 
-/// A method, the setting of a value that is found over all points, and the value of a run.
+/// A method, the setting for a value that is estimated over all points, and the value in a run.
 type OverAll = (&'static str, &'static str, fn(&RunSummary) -> f64);
 
 const OVER_ALL: [OverAll; 2] = [
@@ -184,8 +185,8 @@ fn number_at(run: &RunSummary, part: &str, name: &str) -> f64 {
     run.figures[part][name].as_f64().unwrap_or_else(|| panic!("no {name} in {:?}", run.figures))
 }
 
-/// A value of all points decides about every object. So a section has the objects of the whole drive only
-/// with its value.
+/// A value over all points affects every object. So a section has the objects of the whole drive only with
+/// the value of the whole drive.
 #[test]
 fn with_the_value_of_the_whole_drive_a_section_has_its_objects_and_without_it_the_user_is_told() {
     let folder = scratch();

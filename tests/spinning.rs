@@ -9,7 +9,7 @@ use chainage::synth::{Preset, Scanner, Sensor, Settings, generate};
 
 use crate::synth::{Point, all_points, number, table, write};
 
-/// Sensors that spin.
+/// The spinning sensors.
 const SPINNING: [Sensor; 4] =
     [Sensor::Spinning16, Sensor::Spinning32, Sensor::Spinning64, Sensor::Spinning64Wide];
 
@@ -77,7 +77,7 @@ fn every_beam_points_to_its_elevation_and_azimuth() {
             assert!(azimuth.abs() < allowed, "{sensor:?}: azimuth off by {azimuth}");
             used.insert(point.beam);
         }
-        // A beam that looks over the roofs returns little, and the street is not free of objects.
+        // A beam above the roofs returns few echoes, so not every beam is used.
         assert!(used.len() * 10 >= elevations.len() * 9, "{sensor:?}: {} beams return echoes", used.len());
     }
 }
@@ -127,7 +127,7 @@ fn the_view_ends_at_the_highest_beam() {
 fn ranges_vary_by_the_stated_noise() {
     let ranges = |noise_m: f64| {
         let mut settings = sweeps(Sensor::Spinning16, 1);
-        // A thin beam, so that the footprint on slanting surfaces adds little.
+        // A narrow beam, so that the footprint on slanting surfaces adds little.
         (settings.scanner.noise_m, settings.scanner.divergence_mrad) = (noise_m, 0.1);
         let (folder, points) = measured(&settings);
         let poses = Poses::read(folder.path());
@@ -174,7 +174,7 @@ fn sweeps_begin_where_a_longer_drive_has_them() {
     assert!(few.iter().map(key).eq(many.iter().take(few.len()).map(key)));
 }
 
-/// Numbers of what moves begin here.
+/// First number of moving objects.
 const MOVING: u32 = 1_000_000_000;
 
 #[test]
@@ -197,7 +197,7 @@ fn the_points_of_a_moving_car_move_with_its_speed() {
         }
         sweeps.retain(|_, points| points.len() >= 150);
         let Some((first, last)) = sweeps.values().next().zip(sweeps.values().last()) else { continue };
-        // The middle of the box of a sweep. The mean would move with the side that is seen.
+        // The middle of the box of a sweep. The mean would shift with the visible side.
         let middle = |points: &[[f64; 3]]| {
             let time = points.iter().map(|point| point[0]).sum::<f64>() / points.len() as f64;
             let [x, y] = [1, 2].map(|axis| {

@@ -113,7 +113,7 @@ fn hedges_have_the_las_class_of_vegetation_and_fences_none_and_both_can_be_chose
         let layout = file.layout();
         let [object, class, before] = ["cluster_id", "object_class", "original_classification"]
             .map(|name| layout.dimension(name).unwrap().offset);
-        // Points of class 6: whether they are of a hedge, and the LAS class that they got.
+        // Points of class 6: whether they belong to a hedge, and their LAS class.
         let mut found = BTreeMap::<(bool, Option<u8>), usize>::new();
         for block in 0..file.blocks().len() {
             let records = file.records(block, Fields::All, &mut buffer).unwrap();

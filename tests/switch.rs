@@ -1,5 +1,5 @@
-//! Switching between settings in one directory, with interruptions: after one call has overwritten something,
-//! no older result may count for it.
+//! Switching between settings in one directory, with interruptions: after a call has overwritten a result, no
+//! older result may count in its place.
 
 use std::path::{Path, PathBuf};
 
@@ -54,7 +54,7 @@ fn other_tiles_in_between_leave_no_trace() {
 
     // All ten short tiles are clustered, and nothing is exported.
     interrupted(&inputs, &out, &SHORT, "cluster", 10);
-    // Labels of the long tiles are now in the places of those of the short ones.
+    // Labels of the long tiles have now replaced labels of the short tiles.
     interrupted(&inputs, &out, &LONG, "cluster", 2);
     drive(&inputs, &out, &settings(&SHORT)).unwrap();
     assert_same_outputs(&fresh, &out, "after other tiles had begun");

@@ -1,4 +1,4 @@
-//! `chainage::synth`: the bytes repeat, the truth matches the points, and the statistics are those of the
+//! `chainage::synth`: the bytes repeat, the truth matches the points, and the statistics match those of the
 //! labelled scenes.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::util::skipped;
 use chainage::synth::{Preset, Scanner, Settings, generate};
 
-/// A scanner with some ten thousand points per second of driving.
+/// A scanner with about ten thousand points per second of driving.
 fn coarse() -> Scanner {
     Scanner { pulse_rate_hz: 20_000.0, profiles_hz: 50.0, ..Scanner::default() }
 }
@@ -248,7 +248,7 @@ fn settings_and_folders_that_will_not_do_are_refused() {
 /// Ranges at which points and ground are compared, metres.
 const BANDS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
-/// Properties of a scene for a program that does not know its origin.
+/// Statistics of a scene, computed in the same way for labelled and synthetic ones.
 #[derive(Debug)]
 struct Look {
     /// Share of the points within 45 m by range band, and share of ground among them.
@@ -267,7 +267,7 @@ fn half_metre(x: f64, y: f64) -> (i64, i64) {
     ((x * 2.0).floor() as i64, (y * 2.0).floor() as i64)
 }
 
-/// `points` of one pass, the trajectory and the objects of the scene.
+/// The statistics of a scene from the `points` of one pass, the trajectory and the objects.
 fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<String, String>]) -> Look {
     let track: Vec<[f64; 4]> =
         way.iter().map(|row| ["gps_time", "x", "y", "z"].map(|key| number(row, key))).collect();
@@ -350,7 +350,7 @@ fn look(points: &[Point], way: &[BTreeMap<String, String>], objects: &[BTreeMap<
     }
 }
 
-/// The mean of the figures of several streets; of a class, of those that have it.
+/// The mean of the figures of several streets; for a class, only of the streets that have it.
 fn mean(looks: &[Look]) -> Look {
     let share = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / looks.len() as f64;
     let bands = 0..looks[0].by_range.len();
@@ -369,8 +369,8 @@ fn mean(looks: &[Look]) -> Look {
     }
 }
 
-/// Pictures are compared by eye; this test bounds the figures behind them. The factors say how different the
-/// scenes may be: these are other streets, but of the same kind, and seen by the same kind of scanner.
+/// Pictures are compared by eye; this test limits the figures behind them. The factors say how much the
+/// scenes may differ: they are different streets, but of the same kind, and seen by the same kind of scanner.
 #[test]
 fn statistics_are_those_of_the_labelled_scenes() {
     let shared = std::env::var_os("CHAINAGE_SHARED_DATA")
@@ -410,16 +410,16 @@ fn statistics_are_those_of_the_labelled_scenes() {
         close("ground share", theirs.ground, ours.ground, 0.06);
         close("hidden share", theirs.hidden, ours.hidden, 0.06);
         for (band, (a, b)) in BANDS.iter().zip(theirs.by_range.iter().zip(&ours.by_range)) {
-            // Windows let pulses through here, as in real scans: rooms behind facades add points from 16 m
-            // (0.219 for 0.148 of downtown_ts2, whose buildings are closed).
+            // Windows of synthetic drives let pulses through, as in real scans: rooms behind facades add
+            // points from 16 m on (0.219, against 0.148 in downtown_ts2, whose buildings are closed).
             close(&format!("share of points from {band} m"), a.0, b.0, 0.08);
             // The labelled scenes are cut out of longer drives: too few points beyond 32 m for a comparison.
             if *band < 32.0 {
                 close(&format!("ground share from {band} m"), a.1, b.1, 0.15);
             }
         }
-        // Objects are at about the same distance in both. Cars are on both sides here, and mostly on the near
-        // side there.
+        // Objects are at about the same distance in both. Cars are on both sides in synthetic drives, and
+        // mostly on the near side in the labelled scenes.
         let factors = [(2, 2.0), (3, 2.0), (4, 2.5), (5, 2.0), (6, 2.5), (7, 2.0)];
         for (class, factor) in factors.into_iter().filter(|(class, _)| theirs.per_object.contains_key(class))
         {
@@ -433,7 +433,7 @@ fn statistics_are_those_of_the_labelled_scenes() {
     }
 }
 
-/// A drive that is stopped leaves no half file, and its folder can be used again.
+/// A stopped drive leaves no incomplete file, and its folder can be used again.
 #[test]
 fn a_stopped_drive_leaves_no_half_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -452,7 +452,7 @@ fn a_stopped_drive_leaves_no_half_files() {
     assert!(folder.path().join("reference.csv").is_file());
 }
 
-/// Ctrl-C, and the half files of a process that was killed.
+/// Ctrl-C, and the incomplete files of a killed process.
 #[test]
 fn an_interrupted_program_leaves_no_half_files() {
     use std::process::{Command, Stdio};
@@ -471,7 +471,7 @@ fn an_interrupted_program_leaves_no_half_files() {
             .spawn()
             .expect("starts");
         let begun = Instant::now();
-        // Files of an earlier process may be there.
+        // Files of an earlier process may exist.
         let own = format!("-{}-", child.id());
         let is_own = |file: std::fs::DirEntry| {
             let name = file.file_name().to_string_lossy().into_owned();
@@ -487,7 +487,7 @@ fn an_interrupted_program_leaves_no_half_files() {
     killed.kill().expect("killed");
     killed.wait().expect("ended");
     assert!(out.read_dir().unwrap().count() >= 3, "half files stay");
-    // They are no content, and go.
+    // They do not count as content of the folder, and are removed.
     let child = begin();
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
     assert!(sent.success());

@@ -1,4 +1,4 @@
-//! `chainage train` on small synthetic drives: same bytes however the drive is cut, and what it refuses.
+//! `chainage train` on small synthetic drives: the same bytes however the drive is cut, and what it refuses.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -116,7 +116,7 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     assert_eq!(model.context.checksum(), before.context.checksum());
     let objects = model.objects.as_ref().expect("a model of objects");
     let samples = &objects.about().samples;
-    // Of both copies of the drive, without those that are held out: trees and buildings among others.
+    // Samples of both copies of the drive, without the held-out ones: trees and buildings among others.
     assert!(samples.iter().sum::<u64>() > 10 && samples[1] > 0 && samples[4] > 0, "{samples:?}");
     let wholes = model.wholes.as_ref().expect("a model of pieces");
     let counts = &wholes.about().samples;
@@ -124,7 +124,7 @@ fn a_second_call_adds_the_models_of_objects_whatever_the_tiles() {
     assert_eq!(wholes.about().trained_on.len(), 2);
     assert_ne!(model.checksum(), before.checksum());
 
-    // Where the points are denser, all objects are whole, so there is nothing to tell apart.
+    // With denser points, all objects are whole, so there is nothing to distinguish.
     let names = folder.path().join("names.model");
     let denser =
         synth(folder.path().join("denser"), &["downtown", "--length", "40m", "--pulse-rate", "120kHz"]);

@@ -13,7 +13,7 @@ use crate::util::drive::{drive, scratch, settings};
 use crate::util::program::program;
 use crate::util::shipped;
 
-/// A running server. It ends with the value.
+/// A running server. It ends when the value is dropped.
 struct Server {
     child: Child,
     port: u16,
@@ -73,7 +73,7 @@ impl Server {
     }
 }
 
-/// A folder with an OUT and, beside it, something that must not be served.
+/// A folder with an OUT and, beside it, a file that must not be served.
 fn folder() -> tempfile::TempDir {
     let folder = scratch();
     let out = folder.path().join("out");
@@ -110,7 +110,7 @@ fn it_serves_the_page_files_and_ranges() {
     assert_eq!(server.ask("HEAD", "/drive.laz", "Range: bytes=0-1\r\n").status, 200);
 }
 
-/// A paused download keeps its connection. Others are answered all the same.
+/// A paused download keeps its connection, and others are still answered.
 #[test]
 fn readers_that_pause_do_not_stop_it() {
     let folder = folder();
@@ -169,11 +169,11 @@ fn a_request_with_a_body_is_refused_and_ends_nothing() {
         assert!(answer.headers.contains("connection: close"), "{what}: {}", answer.headers);
         assert!(asked.elapsed() < Duration::from_secs(5), "{what}: {:?}", asked.elapsed());
     }
-    // A client that sends its body without a look at the answer gets it all the same.
+    // A client that sends its body without reading the answer first still gets the answer.
     let body = "x".repeat(100_000);
     let sent = server.raw(&format!("POST / HTTP/1.1\r\n{own}Content-Length: 100000\r\n\r\n{body}"));
     assert_eq!(sent.status, 413);
-    // Without a body, the wait for "100 Continue" has no sense, and the page comes.
+    // Without a body, waiting for "100 Continue" makes no sense, and the page is sent.
     assert_eq!(server.ask("GET", "/", "Expect: 100-continue\r\nContent-Length: 0\r\n").status, 200);
     let many = "a: b\r\n".repeat(100_000);
     let mut stream = TcpStream::connect(("127.0.0.1", port)).expect("connects");
@@ -202,7 +202,7 @@ fn slow_requests_end_and_do_not_stop_others() {
         })
         .collect();
     assert_eq!(server.ask("GET", "/", "").status, 200);
-    // One that trickles in has no more time than the others.
+    // A request that trickles in has no more time than the others.
     let mut trickle = TcpStream::connect(("127.0.0.1", server.port)).expect("connects");
     trickle.write_all(b"GET / HTTP/1.1\r\nX: ").expect("sent");
     let begun = Instant::now();
@@ -218,7 +218,7 @@ fn slow_requests_end_and_do_not_stop_others() {
         let expected = if number % 2 == 0 { "HTTP/1.1 408 " } else { "" };
         assert!(text.starts_with(expected) && text.is_empty() == expected.is_empty(), "{number}: {text}");
     }
-    // A thread ends soon after its client, within a second at most; more on a busy machine.
+    // A thread ends at most a second after its client, but later on a busy machine.
     let closed = Instant::now();
     while memory_and_threads(&server).1 > before {
         assert!(closed.elapsed() < Duration::from_secs(20), "{before} threads became more");
@@ -301,7 +301,7 @@ fn it_listens_on_this_machine_only() {
         (state == "0A" && local.ends_with(&port)).then(|| local.to_owned())
     });
     assert_eq!(listening.collect::<Vec<_>>(), [format!("0100007F{port}")]);
-    // Nor under the sixth version of the protocol.
+    // Nor over IPv6.
     let table = std::fs::read_to_string("/proc/net/tcp6").unwrap_or_default();
     assert!(!table.lines().any(|line| line.contains(&port) && line.contains(" 0A ")), "{table}");
 }

@@ -1,5 +1,5 @@
-//! What a user types and reads: did-you-mean, presets, dry runs, silence, pages, and warnings that ask. One
-//! test for each expectation.
+//! The texts that a user types and reads: did-you-mean, presets, dry runs, silence, pages, and warnings that
+//! ask. One test for each expectation.
 
 use std::path::Path;
 use std::process::Output;
@@ -92,7 +92,7 @@ fn presets_are_built_in_listed_and_used() {
         effective.contains("method = \"density-peaks\"") && effective.contains("min_separation = 5.0"),
         "{effective}"
     );
-    // A flag is stronger than a preset.
+    // A flag overrides a preset.
     let over = ["config", "--effective", "--preset", "dense-trees", "--method", "euclidean"];
     assert!(told(folder.path(), &over).contains("method = \"euclidean\""));
     let wrong = refused(folder.path(), &["plan", SAMPLE, "--preset", "dense-tree"], 3);
@@ -131,7 +131,7 @@ fn settings_have_speaking_names_and_the_old_ones_are_read_with_a_warning() {
     assert!(plan.contains(&format!("  warning: {warning}\n")), "{plan}");
     let run = call(folder.path(), &[&["run", SAMPLE, "-o", "out", "-q"], &old[..]].concat());
     assert!(text(&run.stderr).contains(warning), "{}", text(&run.stderr));
-    // It is recorded by its new name, so nothing is to be done with that.
+    // The setting is recorded under its new name, so nothing has to be computed again.
     let status = told(folder.path(), &["status", "out", "--why", "--set", "euclidean.max_gap_m=0.4"]);
     assert!(!status.contains("must be redone"), "{status}");
     std::fs::write(folder.path().join("my.toml"), "[density-peaks]\nc_t = 0.1\n").expect("written");
@@ -146,7 +146,7 @@ fn settings_have_speaking_names_and_the_old_ones_are_read_with_a_warning() {
 fn a_dry_run_shows_the_plan_and_writes_nothing() {
     let folder = samples();
     let fixed = ["--threads", "2", "--memory", "256M", "--tile-length", "20"];
-    // The time is measured anew.
+    // The time is measured again by each call, so it is left out.
     let told = |folder: &Path, arguments: &[&str]| {
         let page = told(folder, arguments);
         page.lines().filter(|line| !line.starts_with("  time ")).map(str::to_owned).collect::<Vec<_>>()
@@ -156,7 +156,7 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
     assert!(!folder.path().join("out").exists());
 }
 
-/// What a run of a sample warns of: it has no coordinate system.
+/// The warning of a run of a sample without a coordinate system.
 const NO_SYSTEM: &str = "warning: no coordinate system is known: coordinates are taken as metres (if they are feet, \
                          set input.unit), and other programs may take objects.geojson for degrees\n";
 
@@ -207,7 +207,7 @@ fn status_names_the_setting_its_values_and_their_unit() {
     let why = told(folder.path(), &["status", "out", "--why", "--set", "noise.voxel=0.6"]);
     assert!(why.contains("  ground must be redone: noise.voxel changed from 0.5 to 0.6 m\n"), "{why}");
     assert!(!why.contains("lattice units"), "{why}");
-    // Only what counts: the machine does not.
+    // The help has only options that count here, without those of the machine.
     let help = told(folder.path(), &["status", "--help"]);
     for flag in ["--threads", "--memory", "--no-mmap"] {
         assert!(!help.contains(flag), "{help}");
@@ -359,7 +359,7 @@ fn the_manual_has_a_page_for_every_command() {
         names.contains(&"chainage.1".to_owned()) && names.contains(&"chainage-eval.1".to_owned()),
         "{names:?}"
     );
-    // Every page that the first one refers to is there.
+    // Every page to which the first one refers exists.
     let first = std::fs::read_to_string(folder.path().join("pages/chainage.1")).expect("written");
     for reference in first.split("chainage\\-").skip(1) {
         let name: String =
@@ -412,7 +412,7 @@ fn colours_are_for_terminals_only() {
         let output = call(folder.path(), arguments);
         assert!(!text(&output.stderr).contains('\u{1b}') && !text(&output.stdout).contains('\u{1b}'));
     }
-    // `script` provides a terminal. Where it is missing, there is nothing to see.
+    // `script` provides a terminal. If it is missing, this part cannot be tested.
     let shown = |colour: &str| {
         let line = format!("{colour} {} plan none.las", env!("CARGO_BIN_EXE_chainage"));
         let script = std::process::Command::new("script").args(["-qec", &line, "/dev/null"]).output();
@@ -430,7 +430,7 @@ fn a_section_of_the_drive_is_planned_and_processed() {
     let folder = samples();
     let plan = told(folder.path(), &["plan", SAMPLE, "--from", "60", "--to", "90", "--tile-length", "50"]);
     assert!(plan.contains("  section   chainage 60 to 90 m of "), "{plan}");
-    // Tiles beside it only complete its objects: they are told apart, and not counted.
+    // Tiles beside the section only complete its objects. They are marked, and not counted.
     let rows: Vec<&str> = plan.lines().skip(1).take_while(|line| !line.is_empty()).collect();
     let beside = rows.iter().filter(|row| row.ends_with("beside the section")).count();
     assert!(beside > 0 && beside < rows.len(), "{plan}");
@@ -461,7 +461,7 @@ fn a_section_of_the_drive_is_planned_and_processed() {
 #[test]
 fn a_plan_says_how_long_a_run_takes_as_a_range() {
     let folder = samples();
-    // What it counts is tested beside it; the speed of the survey differs from call to call.
+    // The quantities behind the time have unit tests; here the speed of the survey differs from call to call.
     let page = told(folder.path(), &["plan", SAMPLE, "--tile-length", "50", "--json=plan.json"]);
     let line = page.lines().find_map(|line| line.strip_prefix("  time      ")).expect("a line");
     assert!(line == "about 1 s" || (line.contains(" to ") && line.ends_with('s')), "{line}");
@@ -482,7 +482,7 @@ fn every_method_names_its_paper_by_author_year_and_doi() {
         .collect();
     for reference in references {
         assert!(page.contains(reference), "{reference}");
-        // What is not from a paper says so, and where it is described.
+        // A method that is not from a paper says so, and where it is described.
         let ours = reference.starts_with("ours, see benches/results/");
         assert!(ours || (reference.contains("doi:10.") && reference.contains(" et al. 20")), "{reference}");
     }
@@ -510,7 +510,7 @@ fn a_drive_whose_ground_is_not_found_is_told_of_another_filter() {
 #[test]
 fn a_drive_most_of_which_is_too_steep_for_a_filter_is_told_of_another_one() {
     let folder = scratch();
-    // 6 m level, then 12 m that rise by one half.
+    // 6 m level, then 12 m with a slope of one half.
     let place = |i: i64, j: i64| Point::at([i * 100, j * 100, (i - 60).max(0) * 50]);
     let points: Vec<Point> = (0..180).flat_map(|i| (0..60).map(move |j| place(i, j))).collect();
     std::fs::write(folder.path().join("hill.las"), Shape::default().bytes(&points)).expect("written");

@@ -22,7 +22,7 @@ struct Inputs {
     name: &'static str,
 }
 
-/// What is due, as `next --json` prints it.
+/// The due pass and units, as `next --json` prints them.
 #[derive(Debug, Clone)]
 struct Due {
     pass: Option<String>,
@@ -50,7 +50,7 @@ fn list(units: &[usize]) -> String {
 }
 
 impl Inputs {
-    /// A street of some 5,000 points.
+    /// A street of about 5,000 points.
     fn new(name: &'static str) -> Self {
         let folder = scratch();
         let points = Street { things: 120, patches: 600, ..Street::middling(8, Course::Straight) }.points();
@@ -71,7 +71,7 @@ impl Inputs {
         vec![self.path(self.name)]
     }
 
-    /// The output directory of one process.
+    /// The output directory of a run by one process.
     fn alone(&self, options: &[&str]) -> PathBuf {
         let out = self.path("alone");
         run_to_the_end(&self.list(), &out, options);
@@ -91,7 +91,7 @@ impl Inputs {
     }
 }
 
-/// A command on a run that is shared.
+/// A command on a shared run.
 fn command(name: &str, out: &Path, arguments: &[&str]) -> Command {
     let mut command = program();
     command
@@ -185,7 +185,7 @@ fn every_method_gives_the_bytes_of_one_process_for_any_split_of_its_units() {
             }
         });
         assert!(passes.len() >= 7, "{passes:?}");
-        // A worker that comes late finds that there is nothing to do.
+        // A late worker finds that there is nothing to do.
         assert!(worker(&out, "copc nodes", &[0]).wait().expect("ended").success());
         assert!(due_after("next", &out, &[]).pass.is_none());
         assert_same_outputs(&alone, &out, &format!("{method:?} by {processes} processes"));
@@ -213,8 +213,8 @@ fn killed_workers_and_reductions_change_no_byte() {
         };
         while let Some(pass) = due.pass.clone() {
             if killed < 12 {
-                // Two workers with all units and one to complete the pass at the same time, killed without a
-                // notice.
+                // Two workers with all units, and at the same time a process to complete the pass, all killed
+                // without notice.
                 let mut children: Vec<Child> = (0..2).map(|_| worker(&out, &pass, &due.units)).collect();
                 let reduce = ["--after", &pass, "--wait", "1"];
                 children.push(command("reduce", &out, &reduce).spawn().expect("starts"));
@@ -244,7 +244,7 @@ fn one_process_and_workers_go_on_where_the_other_was() {
     let inputs = Inputs::new("street.laz");
     let options = ["--tile-length", "8", "--memory", "256M"];
     let alone = inputs.alone(&options);
-    // Workers begin, and one process ends.
+    // Workers start the run, and a single process ends it.
     let out = inputs.path("shared");
     let due = inputs.open(&out, &options);
     let pass = due.pass().to_owned();
@@ -259,7 +259,7 @@ fn one_process_and_workers_go_on_where_the_other_was() {
     let log = crate::util::program::events(&out);
     let again = crate::util::program::finished(&log, due.pass());
     assert_eq!(again, due.units.len() - half.len(), "the process computed what the workers had done");
-    // One process begins, is killed in the clusters, and workers end.
+    // A single process starts the run and is killed in the clusters, and workers end it.
     let out = inputs.path("taken-over");
     let mut child = run_command(&inputs.list(), &out, &options).spawn().expect("starts");
     wait_until("the pass ground", || {
@@ -274,7 +274,7 @@ fn one_process_and_workers_go_on_where_the_other_was() {
     assert_same_outputs(&alone, &out, "one process, then workers");
 }
 
-/// A host with less memory reduces the passes of others. It works by their plan.
+/// A host with less memory reduces the passes of others. It keeps their plan.
 #[test]
 fn a_reduction_keeps_the_plan_however_little_memory_its_host_has() {
     let folder = scratch();
@@ -304,7 +304,7 @@ fn a_reduction_keeps_the_plan_however_little_memory_its_host_has() {
     assert_same_outputs(&alone, &out, "with little memory");
 }
 
-/// What a worker computes from other points must not wait for the right file to come back.
+/// A worker must not store results from other points, because they would be used once the right file is back.
 #[test]
 fn a_worker_refuses_a_file_with_other_points_and_accepts_a_copy() {
     let inputs = Inputs::new("street.las");
@@ -344,7 +344,7 @@ fn settings_of_a_run_that_are_damaged_are_refused() {
         refused("work", &out, &["--pass", pass, "--wait", "0"], 6, &["run.toml is damaged"]);
         refused("next", &out, &[], 6, &["run.toml is damaged"]);
     }
-    // The same command as before writes them again.
+    // The same command as before writes these files again.
     inputs.open(&out, &["--method", "euclidean"]);
     assert_eq!(due_after("next", &out, &[]).pass.as_deref(), due.pass.as_deref());
 }
@@ -386,7 +386,7 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
         [&["--pass", pass, "--wait", "0"], more].concat()
     }
     let pass = due.pass();
-    // Other settings, both named; how the machine is used may differ.
+    // With other settings, the error names both values. How the machine is used may differ.
     let other = with(pass, &["--set", "euclidean.max_gap_m=0.7"]);
     refused(
         "work",
@@ -397,7 +397,7 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
     );
     let machine = with(pass, &["--threads", "2", "--memory", "300M", "--no-mmap", "--units", "0"]);
     assert!(command("work", &out, &machine).output().expect("starts").status.success());
-    // Units and passes that do not exist, and a pass whose time has not come.
+    // Units and passes that do not exist, and a pass that is not due yet.
     refused(
         "work",
         &out,
@@ -411,7 +411,7 @@ fn workers_that_do_not_belong_to_the_run_are_refused() {
     let early = ["--pass", "relabel", "--wait", "0"];
     refused("work", &out, &early, 6, &["before relabel, is not complete", "chainage reduce OUT --after"]);
     refused("reduce", &out, &["--after", "export", "--wait", "0"], 6, &["before export, is not complete"]);
-    // Another version, both named.
+    // With another version, the error names both.
     let version = out.join(".chainage/version.json");
     let right = std::fs::read_to_string(&version).expect("read");
     std::fs::write(&version, right.replace(env!("CARGO_PKG_VERSION"), "0.0.7")).expect("written");
@@ -484,7 +484,7 @@ fn units_that_appear_late_are_waited_for() {
     let out = inputs.path("out");
     let due = inputs.open(&out, &["--tile-length", "15", "--memory", "256M"]);
     assert!(worker(&out, due.pass(), &due.units).wait().expect("ended").success());
-    // As on a host that sees the names of another one late.
+    // As on a host that sees file names of another host late.
     let hidden_during = |path: &Path, run: &dyn Fn()| {
         let aside = inputs.path("aside");
         std::fs::rename(path, &aside).expect("moved");
@@ -504,7 +504,7 @@ fn units_that_appear_late_are_waited_for() {
     });
     let next = due_after("next", &out, &[]);
     let work = ["--pass", next.pass(), "--units", "0", "--wait"];
-    // The mark of the pass before, and one of its units.
+    // The mark of the previous pass, and one of its units.
     for late in [path.with_file_name("complete.json"), path] {
         hidden_during(&late, &|| {
             let output = command("work", &out, &work).arg("0").output().expect("starts");

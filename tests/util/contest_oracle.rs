@@ -21,7 +21,7 @@ impl Local {
         self.normal.dot(&(vector(point) - self.mean)).abs()
     }
 
-    /// Infinite for a point that is not consistent.
+    /// Score of a point; infinite if the point is not consistent.
     fn score(&self, point: [i64; 3]) -> f64 {
         let distance = self.distance(point);
         if distance < 2.5 * self.deviation { self.deviation + distance / 2.0 } else { f64::INFINITY }
@@ -79,7 +79,7 @@ struct Pairs {
     deviations: f64,
 }
 
-/// Holds all contests of the settings. `surfaces` has the surface of each point. Returns how often points
+/// Runs all contests of the settings. `surfaces` has the surface of each point. Returns how often points
 /// changed their surface, and how many pairs of surfaces were merged.
 pub(crate) fn contests(points: &[[i64; 3]], surfaces: &mut [usize], settings: &Settings) -> [usize; 2] {
     let near = neighbours(points, settings);

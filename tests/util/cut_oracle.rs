@@ -1,6 +1,6 @@
 //! `normalized-cut` by brute force: clusters over all pairs of points, weights over all pairs of voxels,
-//! dense eigenvectors, and Ncut summed anew for each cut. It shares no code with the library. Lengths of
-//! points are in millimetres, all others in metres. It has no tree filter, so its scenes must not have
+//! dense eigenvectors, and Ncut summed again for each cut. It shares no code with the library. Coordinates of
+//! points are in millimetres, all other lengths in metres. It has no tree filter, so its scenes must not have
 //! facades that touch.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,7 +22,7 @@ pub(crate) struct Settings {
     pub(crate) max_voxels: usize,
 }
 
-/// For each point the smallest point of its part, `None` without a part. And the number of cuts.
+/// For each point the smallest point of its part, `None` without a part; and the number of cuts.
 pub(crate) fn parts(points: &[[i64; 3]], ground: &[bool], s: &Settings) -> (Vec<Option<usize>>, usize) {
     let mut result = vec![None; points.len()];
     let mut cuts = 0;
@@ -97,7 +97,7 @@ fn parts_of(
     done
 }
 
-/// Single-link clusters, breadth first over all pairs. Members ascend.
+/// Single-link clusters, by breadth-first search over all pairs. Members ascend.
 fn clusters(points: &[[i64; 3]], ground: &[bool], d_t: i64) -> Vec<Vec<usize>> {
     let mut left: BTreeSet<usize> = (0..points.len()).filter(|&point| !ground[point]).collect();
     let mut clusters = Vec::new();
@@ -134,7 +134,7 @@ fn centroid(points: &[[i64; 3]], own: &[usize]) -> [f64; 3] {
     })
 }
 
-/// Equation 1, with the cut-off in height that the method states.
+/// The weight of equation 1, with the cut-off in height that the method states.
 fn weight(a: [f64; 3], b: [f64; 3], s: &Settings, factor: f64) -> f64 {
     let across = (a[0] - b[0]).hypot(a[1] - b[1]) / factor;
     let up = (a[2] - b[2]).abs() / factor;
@@ -163,7 +163,7 @@ fn connected(weights: &DMatrix<f64>) -> Vec<Vec<usize>> {
     names.into_iter().map(|one| (0..name.len()).filter(|&voxel| name[voxel] == one).collect()).collect()
 }
 
-/// The best cut of a part (ascending voxels), or `None` if it stays whole.
+/// The best cut of a part (ascending voxels), or `None` if the part stays whole.
 fn halves(
     part: &[usize],
     weights: &DMatrix<f64>,

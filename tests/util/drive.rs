@@ -17,7 +17,7 @@ pub(crate) fn scratch() -> tempfile::TempDir {
     tempfile::tempdir().expect("a temporary folder")
 }
 
-/// The configuration with these assignments, and the methods with the least to compute: most tests are about
+/// The configuration with these assignments, and otherwise the fastest methods, because most tests are about
 /// the engine.
 pub(crate) fn config(assignments: &[String]) -> Config {
     let methods = settings(&["cluster.method=euclidean", "ground.method=voxel-column"]);
@@ -98,7 +98,7 @@ impl Labelled {
         all
     }
 
-    /// For each point, the smallest index with its label; none for label 0.
+    /// For each point, the smallest index with its label; `None` for label 0.
     pub(crate) fn partition(&self) -> Vec<Option<usize>> {
         let mut first = std::collections::BTreeMap::new();
         for (index, &label) in self.label.iter().enumerate().filter(|(_, label)| **label != 0) {
@@ -118,8 +118,8 @@ impl Labelled {
     }
 }
 
-/// The outputs of a run by name, without the report (which has times), without the same part of the page, and
-/// without the GeoPackage (which has a layer of the tiles; its other values are those of the tables).
+/// The outputs of a run by name, without the report (which has times), the same part of the page, and the
+/// GeoPackage (which has a layer of the tiles; its other values are those of the tables).
 pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(out).expect("an output folder") {
@@ -139,7 +139,7 @@ pub(crate) fn outputs(out: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// The page without what the run did: times, memory, tiles. A page that was cut stays as it is.
+/// The page without the part about the run: times, memory, tiles. A truncated page stays as it is.
 fn without_run(page: Vec<u8>) -> Vec<u8> {
     let text = String::from_utf8(page).expect("a page is text");
     let begin = text.split_once("id=\"data-run\">").map(|(before, _)| before.len());
@@ -165,7 +165,7 @@ pub(crate) fn assert_same_outputs(one: &Path, other: &Path, what: &str) {
     }
 }
 
-/// Moves a file time forward, like a copy of the file or `touch`.
+/// Moves the time of a file forward, as copying the file or `touch` does.
 pub(crate) fn touch(path: &Path) {
     let file = std::fs::File::options().write(true).open(path).expect("the file");
     file.set_modified(std::time::SystemTime::now() + std::time::Duration::from_secs(5)).expect("a new time");

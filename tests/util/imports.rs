@@ -1,10 +1,10 @@
 //! Which file of `src` imports which, and which files import each other in a circle: read from the paths in
 //! the code.
 //!
-//! An import is an edge to the file that **defines** the name, through whatever re-exports it goes. A
-//! re-export by itself is no edge, so a `mod.rs` that only declares and re-exports has none to its children.
-//! It has one as soon as its own code uses the name. The name of a module is no edge either, only what is
-//! taken from it.
+//! An import is an edge to the file that **defines** the name, through any number of re-exports. A re-export
+//! alone is not an edge, so a `mod.rs` that only declares and re-exports has no edge to its children. It has
+//! one as soon as its own code uses the name. The name of a module is not an edge either, only names used
+//! from it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +14,7 @@ pub(crate) type File = String;
 /// What each file imports.
 pub(crate) type Graph = BTreeMap<File, BTreeSet<File>>;
 
-/// A word, or a sign by itself.
+/// A word, or a single sign.
 #[derive(Clone, Debug, PartialEq)]
 enum Token {
     Word(String),
@@ -44,7 +44,7 @@ fn tokens(code: &str) -> Vec<Token> {
             at +=
                 chars[at..].windows(end.len()).position(|window| window == end).expect("an end") + end.len();
         } else if c == '\'' {
-            // A character ends with a quote, a lifetime does not.
+            // A character literal ends with a quote; a lifetime does not.
             let first = if get(at + 1) == '\\' { 2 } else { 1 };
             let more = chars[at + first + 1..].iter().take_while(|c| **c != '\'').count();
             at += if first == 2 || more == 0 { first + more + 2 } else { 1 };
@@ -65,12 +65,12 @@ fn tokens(code: &str) -> Vec<Token> {
     found
 }
 
-/// The names that a file defines and shows, and the paths that it names.
+/// The names that a file defines and re-exports, and the paths that it uses.
 #[derive(Default)]
 struct Module {
     file: File,
     defines: BTreeSet<String>,
-    /// Name to path, of every `use`.
+    /// For every `use`, the bound name and its path.
     binds: BTreeMap<String, Vec<String>>,
     /// Names that are re-exported.
     shown: BTreeSet<String>,
@@ -79,7 +79,7 @@ struct Module {
     words: BTreeSet<String>,
 }
 
-/// Paths of a `use` with the names that they bind, from behind `use` to `;`.
+/// Adds the paths of a `use`, with the names that they bind, from after `use` up to `;`.
 fn use_tree(tokens: &[Token], at: &mut usize, before: &[String], found: &mut Vec<(String, Vec<String>)>) {
     let mut path = before.to_vec();
     loop {
@@ -104,7 +104,7 @@ fn use_tree(tokens: &[Token], at: &mut usize, before: &[String], found: &mut Vec
                 return;
             }
             Token::Sign('*') => {
-                // What a glob of this crate brings in cannot be read from here; none is wanted.
+                // The names that a glob of this crate imports are not known here, so such globs are refused.
                 let own = ["crate", "super", "self"].contains(&path[0].as_str());
                 assert!(!own, "a glob hides what it imports: {path:?}");
                 *at += 1;
@@ -123,7 +123,7 @@ fn use_tree(tokens: &[Token], at: &mut usize, before: &[String], found: &mut Vec
 }
 
 impl Module {
-    /// Whether the binding of a name is an import: a re-export only is where the code uses the name as well.
+    /// Whether the binding of a name is an import: a re-export is one only if the code uses the name as well.
     fn counts(&self, name: &str) -> bool {
         !self.shown.contains(name) || self.words.contains(name)
     }
@@ -154,7 +154,7 @@ impl Module {
                         module.binds.insert(name, path);
                     }
                 }
-                // The name of a module is declared, not used.
+                // Here the name of a module is declared, not used.
                 Token::Word(kind) if kind == "mod" => at += 1,
                 Token::Word(kind) => {
                     let defined = match kind.as_str() {
@@ -199,17 +199,18 @@ fn module_path(file: &str) -> Vec<String> {
 
 /// What a path names.
 enum Named<'a> {
-    /// Something that this file defines.
+    /// A name that this file defines.
     In(&'a str),
-    /// A module, or something of another crate.
+    /// A module, or a name of another crate.
     Nothing,
 }
 
-/// Where a path is read, and what is left of it: to notice names that are defined by themselves.
+/// The modules in which paths were read, and the rests of these paths: to detect names that are defined by
+/// themselves.
 type Seen = BTreeSet<(Vec<String>, Vec<String>)>;
 
 impl Modules {
-    /// What `path`, written in the module `here`, names; `None` when there is no such name.
+    /// The meaning of `path` in the module `here`; `None` if there is no such name.
     fn named(&self, here: &[String], path: &[String], seen: &mut Seen) -> Option<Named<'_>> {
         if !seen.insert((here.to_vec(), path.to_vec())) {
             return None;
@@ -227,7 +228,7 @@ impl Modules {
         }
     }
 
-    /// The same for the names that follow the module `here`.
+    /// The same for a path that starts below the module `here`.
     fn below(&self, here: &[String], path: &[String], seen: &mut Seen) -> Option<Named<'_>> {
         let Some((first, rest)) = path.split_first() else { return Some(Named::Nothing) };
         if first == "super" {
@@ -253,11 +254,10 @@ fn child(here: &[String], name: &str) -> Vec<String> {
     here.iter().map(String::as_str).chain([name]).map(str::to_owned).collect()
 }
 
-/// Which file imports which, of `(path below src, production code)`.
+/// The graph of imports, from `(path below src, production code)` of each file.
 ///
 /// # Panics
-/// At a path of this crate that names nothing: what cannot be read must not pass for an import that is not
-/// there.
+/// At a path of this crate that names nothing: an import that cannot be resolved must not be missed.
 pub(crate) fn graph<'a>(sources: impl Iterator<Item = (&'a str, &'a str)>) -> Graph {
     let modules = Modules(
         sources.map(|(file, production)| (module_path(file), Module::read(file, production))).collect(),
@@ -292,7 +292,7 @@ fn reached(graph: &Graph, start: &str) -> BTreeSet<File> {
     found
 }
 
-/// Sets of files of which each reaches all others: the circles, and circles that share a file are one.
+/// The circles: sets of files in which each file reaches all others. Circles that share a file are one.
 pub(crate) fn circles(graph: &Graph) -> Vec<BTreeSet<File>> {
     let reach: BTreeMap<&File, BTreeSet<File>> =
         graph.keys().map(|file| (file, reached(graph, file))).collect();

@@ -3,15 +3,15 @@
 
 use std::path::Path;
 
-/// Lattice units per millimetre in which scale and offset of a file are given: 0.1 mm.
+/// Units per millimetre in which scale and offset of a file are computed: 0.1 mm.
 const TENTHS: i64 = 10;
 
-/// One point: lattice coordinates in millimetres, time, and a number for recognition.
+/// One point: coordinates in millimetres, time, and a number that identifies it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Point {
     /// Coordinates in millimetres.
     pub(crate) mm: [i64; 3],
-    /// GPS time in seconds; left out where the format has none.
+    /// GPS time in seconds; left out if the format has none.
     pub(crate) time: f64,
     /// Written as intensity.
     pub(crate) mark: u16,
@@ -53,7 +53,7 @@ impl Shape {
         }
     }
 
-    /// The record coordinate of a coordinate in millimetres; it must be one exactly.
+    /// The record coordinate of a coordinate in millimetres, which must be an exact multiple of the scale.
     fn record(&self, mm: i64, axis: usize) -> i32 {
         let tenths = (mm - self.offset_mm[axis]) * TENTHS;
         assert_eq!(tenths % self.scale_tenths, 0, "{mm} mm is not a multiple of the scale");
@@ -67,7 +67,7 @@ impl Shape {
         }
         bytes.extend(point.mark.to_le_bytes());
         if self.format == 6 {
-            // One of one return; class 1; user data, angle, source.
+            // Return 1 of 1; class 1; user data, angle, source.
             bytes.extend([0x11, 0, 1, 0, 0, 0, 7, 0]);
         } else {
             bytes.extend([0x09, 1, 0, 0, 7, 0]);

@@ -23,7 +23,7 @@ pub(crate) struct MemoryDrive<'a> {
     globals: Vec<Vec<u8>>,
     again: Vec<u8>,
     round: u32,
-    /// How many payloads tiles have read.
+    /// Number of payloads that tiles have read.
     reads: std::cell::Cell<usize>,
 }
 
@@ -31,24 +31,24 @@ pub(crate) fn cell_of(point: [i64; 3]) -> Cell {
     [0, 1].map(|axis| i32::try_from(point[axis].div_euclid(CELL)).expect("a cell nearby"))
 }
 
-/// The place of a point in the list of all points.
+/// The index of a point in the list of all points.
 fn index(id: PointId) -> usize {
     usize::try_from(id.number()).expect("an index")
 }
 
-/// What a method makes of a drive.
+/// The result of a method on a drive.
 #[derive(Debug)]
 pub(crate) struct Outcome {
     /// For each point the smallest id of its object, whatever its size.
     pub(crate) objects: Vec<Option<usize>>,
-    /// Which labels are one object, where the method says so.
+    /// Which labels are one object, if the method says so.
     pub(crate) grouped: Option<Grouped>,
-    /// How many payloads the tiles have read in each step, in its last round.
+    /// Number of payloads that the tiles have read in the last round of each step.
     pub(crate) reads: Vec<usize>,
 }
 
 impl<'a> MemoryDrive<'a> {
-    /// Cells are dealt to `tiles` tiles by `deal`.
+    /// A drive whose cells are dealt to `tiles` tiles by `deal`.
     pub(crate) fn new(
         points: &'a [[i64; 3]],
         ground: &'a [bool],
@@ -76,8 +76,8 @@ impl<'a> MemoryDrive<'a> {
         }
     }
 
-    /// Runs all steps; tiles in descending order, since order must not matter. Every tile runs in every
-    /// round.
+    /// Runs all steps. Tiles run in descending order, because the order must not matter. Every tile runs in
+    /// every round.
     pub(crate) fn run(mut self, method: &dyn Method) -> Outcome {
         let last = method.steps().len() - 1;
         let mut labelled = Vec::new();

@@ -1,4 +1,4 @@
-//! Runs of a method on the shipped scan, also ones that are stopped in a pass.
+//! Runs of a method on the shipped scan, including runs that are stopped in a pass.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -7,7 +7,7 @@ use chainage::Result;
 use chainage::config::Config;
 use chainage::run::{CancelToken, Event, Observer, Registries, RunRequest, RunSummary, Silent, run};
 
-/// A method, and its outputs that must not depend on how it ran.
+/// A method, and the settings and outputs to test that its result does not depend on how it ran.
 pub(crate) struct MethodRun {
     pub(crate) method: &'static str,
     pub(crate) results: &'static [&'static str],
@@ -15,7 +15,7 @@ pub(crate) struct MethodRun {
 
 impl MethodRun {
     fn request(&self, out: &Path, settings: &[&str]) -> RunRequest<'static> {
-        // The ground filter with the least to compute, and no report: it is no result here.
+        // The fastest ground filter, and no report, because the report is not compared here.
         let mut settings: Vec<String> = ["ground.method=voxel-column", "output.report=false"]
             .iter()
             .chain(settings)
@@ -59,7 +59,7 @@ impl MethodRun {
         run(&self.request(out, settings), &stop, &cancel)
     }
 
-    /// Any tiles and threads give the bytes of one tile.
+    /// Asserts that any tiles and threads give the same bytes as one tile.
     pub(crate) fn assert_tiles_do_not_show(&self, folder: &Path) {
         let whole: PathBuf = folder.join("whole");
         let summary = self.run_in(&whole, &["tiling.tile_length=1000", "run.threads=1"]);

@@ -1,6 +1,6 @@
-//! Brute-force references: the methods word by word over all pairs of points, in O(n^2) or worse. They share
-//! no code with the library and are slow on purpose. Points are lattice coordinates, lengths are lattice
-//! units.
+//! Brute-force references: the methods taken literally over all pairs of points, in O(n^2) or worse. They
+//! share no code with the library and are deliberately slow. Points are lattice coordinates, lengths are
+//! lattice units.
 
 use std::collections::BTreeSet;
 
@@ -76,8 +76,8 @@ pub(crate) fn voxel_column(
     (0..points.len()).map(is_ground).collect()
 }
 
-/// Whether each point is ground after `upward-growing`, by walking up from every voxel; `block` in voxels,
-/// the quantile 0.05.
+/// Whether each point is ground by `upward-growing`, by walking up from every voxel. `block` is in voxels,
+/// the quantile is 0.05.
 pub(crate) fn upward_growing(
     points: &[[i64; 3]],
     hidden: &[bool],
@@ -113,7 +113,7 @@ pub(crate) fn upward_growing(
     (0..points.len()).map(|point| !hidden[point] && is_ground(point)).collect()
 }
 
-/// Lengths of `opening` in lattice units, and its counts.
+/// The settings of `opening`: lengths in lattice units, and counts.
 pub(crate) struct Opening {
     pub(crate) voxel: i64,
     pub(crate) lowest_points: usize,
@@ -123,14 +123,14 @@ pub(crate) struct Opening {
     pub(crate) close: i64,
     pub(crate) height: i64,
     pub(crate) clear: i64,
-    /// Share of the columns.
+    /// A share of the columns.
     pub(crate) sparse: f64,
     /// In columns.
     pub(crate) room: i64,
 }
 
 impl Opening {
-    /// The share of the 25 x 25 columns of the blocks around that have points.
+    /// The share of columns with points among the 25 x 25 columns of the surrounding blocks.
     fn filled(&self, columns: &[[i64; 2]], at: usize) -> f64 {
         let near = |c: &&[i64; 2]| {
             let apart = |axis: usize| columns[at][axis].div_euclid(5) - c[axis].div_euclid(5);
@@ -139,7 +139,7 @@ impl Opening {
         columns.iter().filter(near).count() as f64 / 625.0
     }
 
-    /// 0.15 where it is sparse, 1 where it is half as full again, between them in proportion.
+    /// 0.15 at a share of `sparse` or less, 1 at half as much again or more, and in proportion between them.
     fn slope(&self, filled: f64) -> f64 {
         if filled >= 1.5 * self.sparse {
             1.0
@@ -149,8 +149,7 @@ impl Opening {
     }
 }
 
-/// Whether each point is ground after `opening` with the quantile 0.1 and a slope of 1, column by
-/// column.
+/// Whether each point is ground by `opening` with the quantile 0.1 and a slope of 1, column by column.
 #[expect(clippy::cast_possible_truncation, reason = "rises of a few metres")]
 pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     let column = |p: usize| [points[p][0].div_euclid(of.voxel), points[p][1].div_euclid(of.voxel)];
@@ -217,7 +216,7 @@ pub(crate) fn opening(points: &[[i64; 3]], of: &Opening) -> Vec<bool> {
     (0..points.len()).map(|p| is_ground(p).unwrap_or(false)).collect()
 }
 
-/// Where the ground of a column begins, and whether stems are all that was seen there.
+/// The height at which the ground of a column begins, and whether only stems were seen there.
 fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) -> (i64, bool) {
     let is_stem = |at: usize| {
         let begins = heights[at][0].div_euclid(of.voxel);
@@ -231,7 +230,8 @@ fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) ->
         (0..2).all(|axis| (b[axis] - c[axis]).abs() <= 2)
     };
     let others: Vec<usize> = (0..columns.len()).filter(|&other| near(other)).collect();
-    // The lowest point of the lowest voxel that, with the one on it, has more than a sixteenth or 8 of them.
+    // The lowest point of the lowest voxel that, together with the voxel above it, has more than a sixteenth
+    // of the points or 8 of them.
     let first = |other: usize| {
         let column = &heights[other];
         let voxel = |z: i64| z.div_euclid(of.voxel);
@@ -250,7 +250,7 @@ fn floor(columns: &[[i64; 2]], heights: &[Vec<i64>], at: usize, of: &Opening) ->
     if only_stems { (stems.into_iter().min().unwrap_or(level), true) } else { (level, false) }
 }
 
-/// Whether something stands in each column; nothing where the column has no ground.
+/// Whether something stands in each column; `None` if the column has no ground.
 fn standing(
     columns: &[[i64; 2]],
     heights: &[Vec<i64>],
@@ -337,7 +337,7 @@ pub(crate) fn dbscan_size(
     numbered(&names.into_iter().map(Some).collect::<Vec<_>>(), min_points, max_points)
 }
 
-/// `dbscan`, variant `core`, over all pairs; border points go to the nearest core point, ties to the smaller
+/// `dbscan`, variant `core`, over all pairs. Border points go to the nearest core point, ties to the smaller
 /// place.
 pub(crate) fn dbscan_core<P: Ord>(
     count: usize,
@@ -371,12 +371,12 @@ fn numbered(names: &[Option<usize>], min_points: usize, max_points: usize) -> Ve
     names.iter().map(&mut label).collect()
 }
 
-/// Squared horizontal distance of the centres of two columns.
+/// Squared horizontal distance between the centres of two columns.
 fn beside(a: [i64; 3], b: [i64; 3], voxel: i64) -> i64 {
     ((a[0] - b[0]) * voxel).pow(2) + ((a[1] - b[1]) * voxel).pow(2)
 }
 
-/// The smallest index connected with each of `count` things: names spread until nothing changes.
+/// The smallest index connected with each of `count` things: indices spread until nothing changes.
 fn components(count: usize, connected: impl Fn(usize, usize) -> bool) -> Vec<usize> {
     let mut names: Vec<usize> = (0..count).collect();
     loop {

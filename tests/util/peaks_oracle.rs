@@ -1,5 +1,5 @@
-//! `density-peaks` word by word over the whole cloud, in O(n^2) and worse. It shares no code with the
-//! library. Points are lattice coordinates in millimetres, ids are their positions.
+//! `density-peaks` taken literally over the whole cloud, in O(n^2) or worse. It shares no code with the
+//! library. Points are lattice coordinates in millimetres; their ids are their indices.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -176,7 +176,7 @@ pub(crate) fn density_peaks(points: &[[i64; 3]], ground: &[bool], s: &Settings) 
     let representatives: Vec<usize> = cells.into_values().collect();
     let mut sums = BTreeMap::<(Voxel, Voxel), (f64, f64)>::new();
     let mut farthest_neighbour: f64 = 0.0;
-    // A representative has many partners and one curvature.
+    // A representative has many partners but only one curvature.
     let mut curvatures = BTreeMap::<usize, (f64, f64)>::new();
     let mut curvature_of = |p: usize| *curvatures.entry(p).or_insert_with(|| curvature(points, &labelled, p));
     for &a in &representatives {

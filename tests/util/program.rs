@@ -9,8 +9,8 @@ pub(crate) fn program() -> Command {
     Command::new(env!("CARGO_BIN_EXE_chainage"))
 }
 
-/// `chainage run` of these files with these options, silent. Without a method or a ground filter among them,
-/// those with the least to compute are used: most tests are about the engine.
+/// `chainage run` of these files with these options, silent. If the options name no method or no ground
+/// filter, the fastest one is used, because most tests are about the engine.
 pub(crate) fn run_command(inputs: &[PathBuf], out: &Path, options: &[&str]) -> Command {
     let mut command = program();
     command.arg("run").args(inputs).arg("-o").arg(out).args(["--progress", "none"]).args(options);
@@ -38,7 +38,7 @@ pub(crate) fn run_to_the_end(inputs: &[PathBuf], out: &Path, options: &[&str]) {
     assert_eq!(code, 0, "{errors}");
 }
 
-/// Runs a shell command, as root or not. Returns whether it succeeded.
+/// Runs a shell command, and returns whether it succeeded.
 pub(crate) fn shell(text: &str) -> bool {
     let outcome = Command::new("sh").args(["-c", text]).stderr(Stdio::null()).status();
     outcome.is_ok_and(|status| status.success())

@@ -1,7 +1,7 @@
 //! Small random streets from a seed: a course, ground beside it, objects, isolated points.
 //!
-//! Coordinates are multiples of 10 mm. Many steps between points are exactly the lengths with which methods
-//! compare, so that ties and equalities are frequent.
+//! Coordinates are multiples of 10 mm. Many steps between points are exactly the thresholds of the methods,
+//! so that ties and equalities are frequent.
 
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt, SeedableRng};
@@ -14,11 +14,11 @@ use crate::util::las::Point;
 pub(crate) enum Course {
     /// Straight on.
     Straight,
-    /// There and, a lane further, back.
+    /// Out, and back on the next lane.
     Hairpin,
     /// Round a block, back to the start.
     Loop,
-    /// There on one carriageway, back on the other, 14 m away.
+    /// Out on one carriageway, and back on the other, 14 m away.
     Carriageways,
 }
 
@@ -62,7 +62,7 @@ pub(crate) struct Street {
     pub(crate) patches: usize,
     /// Isolated points.
     pub(crate) strays: usize,
-    /// Where coordinates begin, in millimetres.
+    /// Origin of the coordinates, in millimetres.
     pub(crate) base_mm: [i64; 3],
 }
 
@@ -98,7 +98,7 @@ impl Street {
         points
     }
 
-    /// A place beside the course, and the share of the drive at which it is passed.
+    /// A place beside the course, and the share of the drive at which the vehicle passes it.
     fn beside(&self, random: &mut impl Rng, wide_m: f64, high_m: f64) -> (f64, [i64; 3]) {
         let at = random.random_range(0.0..1.0);
         let [x, y] = self.course.place(at);
@@ -131,7 +131,7 @@ impl Street {
             points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
         }
         if stands {
-            // On ground. Otherwise the object itself would be the lowest.
+            // Ground below the object. Otherwise its own points would be the lowest ones.
             for step in 0..4 {
                 let mm = [start[0] + step % 2 * 200, start[1] + step / 2 * 200, self.base_mm[2]];
                 points.push(Point { mm, time: at * DRIVE_S, mark: 0 });
@@ -157,7 +157,7 @@ fn round_to_cm(metres: f64) -> i64 {
     (metres * 100.0).round() as i64 * 10
 }
 
-/// Marks points with their index in the list, modulo the range of a mark.
+/// Gives each point its index in the list as mark, modulo the range of a mark.
 pub(crate) fn number(points: &mut [Point]) {
     for (index, point) in points.iter_mut().enumerate() {
         point.mark = u16::try_from(index % 65_536).expect("below");

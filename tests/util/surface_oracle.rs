@@ -34,14 +34,14 @@ pub(super) fn vector(point: [i64; 3]) -> Vector {
     Vector::new(point[0] as f64, point[1] as f64, point[2] as f64)
 }
 
-/// Normal, smallest eigenvalue and mean; `None` on a line.
+/// Normal, smallest eigenvalue and mean; `None` if the points are on a line.
 pub(super) fn plane(points: &[Vector]) -> Option<(Vector, f64, Vector)> {
     if points.len() < 3 {
         return None;
     }
     let mean = points.iter().sum::<Vector>() / points.len() as f64;
-    // Whole numbers, so that points with the same nearer neighbours are equally flat wherever they are
-    // counted from.
+    // Sums of whole numbers, so that points with the same neighbours are equally flat whatever the origin of
+    // the coordinates.
     let products: Matrix3<f64> = points.iter().map(|p| p * p.transpose()).sum();
     let sum = points.iter().sum::<Vector>();
     let count = points.len() as f64;
@@ -167,7 +167,7 @@ fn slice(points: &[[i64; 3]], members: &[usize], refit: bool) -> Option<Robust> 
     })
 }
 
-/// The points that take part, their ids among all points, and their normals.
+/// The points that take part, their indices among all points, and their normals.
 struct Cloud<'a> {
     own: &'a [[i64; 3]],
     kept: &'a [usize],
@@ -181,7 +181,7 @@ struct Merged {
 }
 
 impl Cloud<'_> {
-    /// The slice of each point (`usize::MAX` for none), and the slices that are merged.
+    /// The slice of each point (`usize::MAX` for none), and the merged slices.
     fn merge(&self, slices: &[(Vec<usize>, Robust)], settings: &Settings) -> (Vec<usize>, Merged) {
         let Self { own, kept, facts } = *self;
         let mut of_point = vec![usize::MAX; own.len()];
@@ -233,7 +233,7 @@ pub(crate) fn surfaces(
     ground: &[bool],
     settings: &Settings,
 ) -> (Vec<Option<usize>>, [usize; 4]) {
-    // Points of the ground take no part. The others come in the order of their places, which decides ties.
+    // Ground points do not take part. The others are in the order of their places, which decides ties.
     let mut kept: Vec<usize> = (0..points.len()).filter(|id| !ground[*id]).collect();
     kept.sort_by_key(|id| (points[*id], *id));
     let own: Vec<[i64; 3]> = kept.iter().map(|id| points[*id]).collect();
