@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Path of a file below `src`.
 pub(crate) type File = String;
 
-/// What each file imports.
+/// The files that each file imports.
 pub(crate) type Graph = BTreeMap<File, BTreeSet<File>>;
 
 /// A word, or a single sign.
@@ -197,7 +197,7 @@ fn module_path(file: &str) -> Vec<String> {
     }
 }
 
-/// What a path names.
+/// The meaning of a path.
 enum Named<'a> {
     /// A name that this file defines.
     In(&'a str),
@@ -205,8 +205,7 @@ enum Named<'a> {
     Nothing,
 }
 
-/// The modules in which paths were read, and the rests of these paths: to detect names that are defined by
-/// themselves.
+/// Modules with the paths that were already followed in them, to detect names that are defined by themselves.
 type Seen = BTreeSet<(Vec<String>, Vec<String>)>;
 
 impl Modules {

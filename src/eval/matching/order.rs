@@ -272,8 +272,8 @@ mod tests {
             ((0.001, 0.0), (0.001, 530_000.0), 0),
             ((0.01, 0.0), (0.01, 0.5), 0),
             ((0.01, 0.0), (0.01, 0.505), 11),
-            // 1 mm stored again with 1 cm: half a step of 1 cm, half a step of 1 mm, rounded up, and the
-            // unit.
+            // 1 mm stored again with 1 cm: half a step of 1 cm (5 mm), half a step of 1 mm, rounded up, and
+            // the unit.
             ((0.001, 0.0), (0.01, 0.0), 7),
             ((0.0017, 0.0), (0.0017, 0.0), 0),
         ] {

@@ -20,7 +20,7 @@ use crate::tiling::Plan;
 /// Largest number of vertices of the axis on the page. A vertex takes about 25 bytes.
 const MOST_VERTICES: usize = 4_000;
 
-/// What was collected for the page while the outputs were written.
+/// The content of the page that was collected while the outputs were written.
 pub(crate) struct PageContent {
     pub(crate) table: PageTable,
     /// The shown points, best first.

@@ -22,10 +22,10 @@ const FACTORS: RangeInclusive<f64> = 0.1..=20.0;
 const LOW: f64 = 0.6;
 const HIGH: f64 = 1.7;
 
-/// What the time depends on.
+/// The work of a run, which determines its time.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Work {
-    /// Records of the drive, and those of compressed files.
+    /// Records of the drive, and records of its compressed files.
     pub(crate) records: u64,
     pub(crate) compressed: u64,
     /// Seconds of the survey.
