@@ -70,7 +70,7 @@ pub enum StoreError {
         /// What is wrong with it.
         what: String,
     },
-    /// The record of the files beside the state was damaged. A run that starts over needs this record,
+    /// The record of the files beside the state was damaged. Starting over does not remove this record,
     /// because it says which of these files may be replaced.
     #[error("{path} is damaged: {what}", path = path.display())]
     DamagedRecord {
