@@ -31,7 +31,7 @@ def group(drive):
         return "land and speeds"
     if 1061 <= seed <= 1072:
         return "single sweeps"
-    return "drives, seeds from 1000" if seed > 1000 else "drives, seeds below 1000"
+    return "drives, seeds from 1000" if seed >= 1000 else "drives, seeds below 1000"
 
 
 def points_of(folder):

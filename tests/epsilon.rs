@@ -353,7 +353,7 @@ fn fields_that_are_not_there_or_reach_too_far_are_refused() {
         "{colour}"
     );
     let far = refused("far", &[FIELDS, "dbscan.epsilon=1", "tiling.tile_length=5"]);
-    assert!(far.contains("the longest tile has 6.0 m") && far.contains("--tile-length"), "{far}");
+    assert!(far.contains("the longest tile is 6.0 m long") && far.contains("--tile-length"), "{far}");
 }
 
 /// A street of about 3,000 points, and the arguments of a run with an estimate.

@@ -78,13 +78,13 @@ impl Failure for BoostingError {
                 Some("name a file that chainage train wrote, or leave the model out to use the built-in one".into())
             }
             Self::Damaged { .. } => {
-                Some("copy the file again, make it anew with chainage train, or leave it out to use the built-in one".into())
+                Some("copy the file again, make it again with chainage train, or leave it out to use the built-in one".into())
             }
             Self::Version { found, known, .. } if found > known => {
-                Some("use the version of chainage that made it or a later one, or train the model anew".into())
+                Some("use the version of chainage that made it or a later one, or train the model again".into())
             }
             Self::Version { .. } | Self::Unfit { .. } => {
-                Some("train the model anew with chainage train, or leave it out to use the built-in one".into())
+                Some("train the model again with chainage train, or leave it out to use the built-in one".into())
             }
             Self::Samples { .. } | Self::Setting { .. } => None,
         }

@@ -52,7 +52,7 @@ pub(crate) enum Command {
     Next(NextArgs),
     /// Compute units of a pass of a shared run, beside other workers
     Work(WorkArgs),
-    /// Complete a pass of a shared run whose units are all there, and open the next one
+    /// Complete a pass of a shared run once all its units are stored, and open the next one
     Reduce(ReduceArgs),
     /// Print a script that processes a drive on Slurm
     Slurm(SlurmArgs),

@@ -142,7 +142,7 @@ impl Choices {
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct SectionArgs {
-    /// Process from this chainage on, such as 500 or 1.2km; objects are those of the whole drive
+    /// Process from this chainage on, such as 500 or 1.2km; objects are the same as in the whole drive
     #[arg(long, value_name = "CHAINAGE", value_parser = chainage, allow_hyphen_values = true)]
     from: Option<f64>,
     /// Process up to this chainage [default: the end of the drive]

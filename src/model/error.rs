@@ -24,7 +24,7 @@ pub enum AlgorithmError {
     },
     /// Neighbours may be further away than a tile is long: tiles would read each other over and over.
     #[error(
-        "{method}: neighbours may be {reach_m:.1} m apart in the chosen fields, the longest tile has {longest_m:.1} m"
+        "{method}: neighbours may be {reach_m:.1} m apart in the chosen fields, the longest tile is {longest_m:.1} m long"
     )]
     ReachBeyondTile {
         /// Name of the method.

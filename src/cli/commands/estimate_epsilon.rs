@@ -23,15 +23,15 @@ use crate::cli::{exit, interrupt, print, scratch};
 ///
 /// The curve is the mean distance to the k-th nearest neighbour over k. A polynomial is fitted to it. Epsilon
 /// is its value where its slope equals that of its chord (Wang et al. 2019, doi:10.3390/s19010172). The
-/// points are those of a drive that are neither ground nor noise, or the rows of one table (*.csv, *.txt,
-/// *.tsv). The result does not depend on tiles or threads.
+/// points are all points of a drive that are neither ground nor noise, or the rows of one table (*.csv,
+/// *.txt, *.tsv). The result does not depend on tiles or threads.
 #[derive(Debug, clap::Args)]
 pub(crate) struct EstimateArgs {
     #[command(flatten)]
     inputs: Inputs,
     /// Fields that make up the distance. x, y and z alone are in metres. With intensity, red, green, blue or
-    /// nir, every field is divided by its standard deviation over the drive. Of a table: columns by name or
-    /// number [default: x,y,z; of a table: all numeric columns]
+    /// nir, every field is divided by its standard deviation over the drive. For a table: columns by name or
+    /// number [default: x,y,z; for a table: all numeric columns]
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     fields: Vec<String>,
     /// Weight of each field after the division, in the order of --fields [default: 1]

@@ -25,7 +25,7 @@ pub(crate) struct EvalArgs {
     #[arg(value_name = "PRED", required = true)]
     prediction: Vec<PathBuf>,
 
-    /// Files with the reference labels [default: those of PRED]
+    /// Files with the reference labels [default: the files PRED]
     #[arg(long, value_name = "REF", num_args = 1.., help_heading = "Input")]
     reference: Vec<PathBuf>,
 
@@ -48,7 +48,7 @@ pub(crate) struct EvalArgs {
     class_dim: String,
 
     /// Dimension of the predicted classes of objects, to score classes too, or `none` [default: object_class
-    /// where all files have it]
+    /// if all files have it]
     #[arg(long, value_name = "NAME", help_heading = "Labels")]
     object_class_dim: Option<String>,
 

@@ -18,7 +18,7 @@ pub(crate) struct ReduceArgs {
     /// The pass to complete, as `chainage next` names it
     #[arg(long, value_name = "PASS")]
     after: String,
-    /// Look for missing units again for so many seconds: other hosts see a new file late
+    /// Wait up to this many seconds for missing units: other hosts see a new file late
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = whole::<u64>(0..=u64::MAX, 60))]
     wait: u64,
     #[command(flatten)]

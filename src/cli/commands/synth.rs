@@ -62,7 +62,7 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LOW-HIGH", default_value = "30-60", value_parser = speeds, allow_hyphen_values = true, help_heading = "Drive")]
     speed: (f64, f64),
 
-    /// Scanner whose figures are used where the options below do not change them
+    /// Scanner; the options below override its figures
     #[arg(long, value_enum, value_name = "NAME", default_value = "profiler", help_heading = "Scanner")]
     scanner: SensorArg,
 
@@ -88,8 +88,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Scanner")]
     noise: Option<f64>,
 
-    /// Standard deviation of the position at which a sweep of a spinning scanner is registered from its true
-    /// one [default: 0]
+    /// Standard deviation of the registered position of a sweep of a spinning scanner from its true position
+    /// [default: 0]
     #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true, help_heading = "Scanner")]
     drift: Option<f64>,
 

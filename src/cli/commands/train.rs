@@ -27,7 +27,7 @@ const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       
 /// Learn the classes of `street` from labelled drives.
 ///
 /// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6
-/// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned), as those of `chainage synth` have.
+/// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned). Drives of `chainage synth` have it.
 /// Where it also has gt_core, only points with gt_core 1 count. Same drives, settings and seed: same bytes.
 ///
 /// A model classifies voxels. A second call, with --onto and other drives, adds the part that names objects
@@ -76,8 +76,8 @@ struct LearningArgs {
     /// Number that chooses the samples and the features of each split
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>(0..=u64::MAX, 7))]
     seed: u64,
-    /// Samples per class and drive, at most; for the classes by context, four times as many of all classes
-    /// together
+    /// Largest number of samples per class and drive; for the classes by context, four times as many of all
+    /// classes together
     #[arg(long, value_name = "N", default_value_t = 5_000, value_parser = whole::<usize>(1..=1_000_000, 5_000))]
     samples: usize,
     /// Learn also from copies of each drive that have these shares of its points, for sparser scanners
@@ -86,16 +86,16 @@ struct LearningArgs {
     /// Rounds; each adds a tree per class. The classes by context take half as many
     #[arg(long, value_name = "N", default_value_t = Learning::default().rounds, value_parser = whole::<usize>(0..=u64::MAX, 100))]
     rounds: usize,
-    /// Leaves of a tree, at most
+    /// Largest number of leaves of a tree
     #[arg(long, value_name = "N", default_value_t = Learning::default().leaves, value_parser = whole::<usize>(0..=u64::MAX, 31))]
     leaves: usize,
-    /// Share of a step towards the best value of a leaf that is taken
+    /// Learning rate: share of the step towards the best value of a leaf
     #[arg(long, value_name = "SHARE", default_value_t = Learning::default().rate, value_parser = real("0.1"))]
     rate: f64,
-    /// Share of the samples that a tree learns from, drawn anew for each tree
+    /// Share of the samples from which a tree learns, drawn again for each tree
     #[arg(long, value_name = "SHARE", default_value_t = Learning::default().subsample, value_parser = real("0.5"))]
     subsample: f64,
-    /// Weight of the values of leaves against the fit
+    /// Regularisation: weight that keeps the values of leaves small
     #[arg(long, value_name = "WEIGHT", default_value_t = Learning::default().l2, value_parser = real("1"))]
     l2: f64,
 }

@@ -26,7 +26,7 @@ pub(crate) struct WorkArgs {
     /// Its units, for example 3..7,12 (without 7) [default: all that are missing]
     #[arg(long, value_name = "LIST", value_parser = units)]
     units: Option<Numbers>,
-    /// Look for missing files of other workers again for so many seconds: other hosts see a new file late
+    /// Wait up to this many seconds for files of other workers: other hosts see a new file late
     #[arg(long, value_name = "SECONDS", default_value_t = 60, value_parser = whole::<u64>(0..=u64::MAX, 60))]
     wait: u64,
     #[command(flatten)]

@@ -119,6 +119,10 @@ impl Method for DensityPeaks {
         2.9
     }
 
+    fn stored_bytes_per_point(&self) -> u64 {
+        3
+    }
+
     fn depends_on(&self, stage: usize) -> Vec<(&'static str, String)> {
         if stage == STAGE_BORDERS {
             vec![("algorithm epoch", ALGORITHM_EPOCH.to_string())]
@@ -145,7 +149,7 @@ impl Method for DensityPeaks {
 
     fn of_a_section(&self) -> Option<String> {
         (self.config.most_points == 0).then(|| {
-            "density-peaks compares voxels with the fullest one that is processed, so objects of a section can \
+            "density-peaks compares voxels with the fullest processed voxel, so objects of a section can \
              differ from those of the whole drive: give density-peaks.most_points (most_points_in_a_voxel in \
              report.json of the whole drive) to avoid this"
                 .to_owned()

@@ -133,6 +133,10 @@ impl Method for NormalizedCut {
         10.0
     }
 
+    fn stored_bytes_per_point(&self) -> u64 {
+        6
+    }
+
     fn planning_reach(&self, lattice: Lattice) -> Reach {
         self.euclidean.reach(lattice)
     }

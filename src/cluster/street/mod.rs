@@ -185,6 +185,10 @@ impl Method for Street {
         13.0
     }
 
+    fn stored_bytes_per_point(&self) -> u64 {
+        22
+    }
+
     fn deciding_reach_m(&self, _lattice: Lattice) -> f64 {
         DECIDING_REACH_M
     }

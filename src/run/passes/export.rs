@@ -153,7 +153,7 @@ impl<'a> ExportPass<'a> {
             // A file without chunks is one block: it stays decoded in the buffers while its pieces are
             // written.
             let mut decoded = std::mem::take(&mut desk.decoded);
-            let kept = desk.block == Some(block) && input.is_compressed();
+            let kept = desk.block == Some(block) && !input.is_in_place();
             let all = if kept { &decoded[..] } else { input.records(block, Fields::All, &mut decoded)? };
             desk.block = Some(block);
             let bytes = &all[at(from)..at(to)];

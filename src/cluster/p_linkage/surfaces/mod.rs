@@ -188,6 +188,10 @@ impl Method for Surfaces {
         4.8
     }
 
+    fn stored_bytes_per_point(&self) -> u64 {
+        18
+    }
+
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {
         if step == STEP_LINKS { vec![("algorithm epoch", ALGORITHM_EPOCH.to_string())] } else { Vec::new() }
     }
@@ -206,7 +210,7 @@ impl Method for Surfaces {
 
     fn of_a_section(&self) -> Option<String> {
         (self.config.flat_m2 <= 0.0).then(|| {
-            "p-linkage compares points with the mean flatness of those that are processed, so surfaces of a \
+            "p-linkage compares points with the mean flatness of all processed points, so surfaces of a \
              section can differ from those of the whole drive: give p-linkage.flat_m2 (\"slices grow from points \
              flatter than\" in report.json of the whole drive) to avoid this"
                 .to_owned()

@@ -64,7 +64,7 @@ impl Seen<'_> {
             let open = stage_planes::of_open(self.tile, tile)?;
             self.tiles.insert(tile, Known { stored, of_tree, open });
         }
-        self.tiles.get(&tile).ok_or_else(|| Error::bug(format!("tile {tile} was not looked at")))
+        self.tiles.get(&tile).ok_or_else(|| Error::bug(format!("the payload of tile {tile} was not read")))
     }
 }
 

@@ -31,8 +31,8 @@ impl Cover {
         let share = self.covered as f64 / self.cells.max(1) as f64;
         (scene == Scene::Street && share > FOREST).then(|| {
             format!(
-                "this looks like a forest: in {:.0} % of its cells of 0.5 m points reach over more than {COVERED_M} m \
-                 of height; the model of streets knows no forest, try --preset forest",
+                "this looks like a forest: in {:.0} % of its cells of 0.5 m, the points span at least {COVERED_M} m of \
+                 height; the model of streets was not trained on forests, try --preset forest",
                 100.0 * share
             )
         })

@@ -43,8 +43,8 @@ impl Stacked {
         let share = self.stacked as f64 / self.voxels.max(1) as f64;
         (self.voxels > 0 && share < SPARSE).then(|| {
             format!(
-                "the points are sparse for street: {:.0} % of its voxels of 0.15 m have another one above or below, \
-                 below {:.0} % objects are missed and misnamed",
+                "the points are sparse for street: {:.0} % of its voxels of 0.15 m have a neighbour above or below; \
+                 below {:.0} %, objects are missed and misnamed",
                 100.0 * share,
                 100.0 * SPARSE
             )
