@@ -5,33 +5,18 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::model::Lattice;
 use crate::spatial::NearestIndex;
-use crate::survey::TimeBin;
+use crate::survey::runs::tracks;
 
 /// Distance between vertices of the axis in metres. It is the resolution of chainage along tiles.
 pub(super) const VERTEX_SPACING_M: f64 = 1.0;
 /// Largest distance between two stretches of the same street, in metres.
-const CORRIDOR_M: f64 = 12.0;
+pub(super) const CORRIDOR_M: f64 = 12.0;
 /// Length of the axis behind a vertex that belongs to its own stretch and not to an earlier one, in metres.
 const OWN_STRETCH_M: f64 = 40.0;
-/// Number of time bins averaged on each side: two seconds, because the mean of the scanned points fluctuates
-/// within this time.
-const SMOOTHING_BINS: usize = 4;
-/// Longest gap in GPS time within a stretch, in time bins: four seconds. A longer gap means that a part of
-/// the drive was cut out.
-const GAP_BINS: i64 = 8;
-/// Number of time bins at each end of the data that may be incomplete: four seconds. If the data is a box cut
-/// out of a drive, its first and last profiles were measured from outside the box and cover one side of the
-/// road only. The mean of their points moves to this side, by up to 16 m on such a scene.
-const INCOMPLETE_BINS: usize = 8;
-/// Number of points below which such a bin is incomplete, as a share of the median.
-const INCOMPLETE_SHARE: f64 = 0.5;
 /// Number of vertices at an end of the axis that give the direction of its extension. A single step
 /// fluctuates.
 const END_VERTICES: usize = 10;
-/// Length of the shortest track in metres. A shorter one means that the scanner did not move.
-const SHORTEST_TRACK_M: f64 = 10.0;
 /// Longest axis in metres. A longer one results from absurd positions.
 pub(super) const LONGEST_AXIS_M: f64 = 5e6;
 
@@ -60,29 +45,30 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The axis along the positions of a trajectory in metres; `None` if they have no length.
+    /// The axis along positions in metres that were driven without a gap; `None` if they have no length.
     #[must_use]
     pub fn from_positions(source: AxisSource, positions: &[[f64; 2]]) -> Option<Self> {
-        let resampled = resample(positions)?;
+        Self::from_runs(source, vec![positions.to_vec()])
+    }
+
+    /// The axis along runs of positions in metres, in the order of the drive, with a gap in the recording after
+    /// each. `None` if they have no length, or an absurd one.
+    #[must_use]
+    pub fn from_runs(source: AxisSource, runs: Vec<Vec<[f64; 2]>>) -> Option<Self> {
+        let tracks = tracks(runs);
+        let length =
+            |track: &Vec<[f64; 2]>| track.windows(2).map(|pair| distance(pair[0], pair[1])).sum::<f64>();
+        let total: f64 = tracks.iter().map(length).sum();
+        if !(total > 0.0 && total <= LONGEST_AXIS_M) {
+            return None;
+        }
+        let resampled: Vec<Vec<[f64; 2]>> =
+            tracks.into_iter().map(|track| resample(&track).unwrap_or_else(|| vec![track[0]])).collect();
         let mut axis = first_passes(&resampled);
         // Chainage starts where the drive starts. If the drive is one stretch, chainage is in metres along
         // the road.
         axis.source = source;
         Some(axis)
-    }
-
-    /// The axis along the smoothed mean positions of the time bins; `None` if the scanner did not move or had
-    /// no clock.
-    #[must_use]
-    pub fn from_time_bins(bins: &BTreeMap<i64, TimeBin>, lattice: Lattice) -> Option<Self> {
-        let mut counts: Vec<u64> = bins.values().map(|bin| bin.count).collect();
-        counts.sort_unstable();
-        let least = counts.get(counts.len() / 2).map_or(0.0, |median| INCOMPLETE_SHARE * *median as f64);
-        let bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
-        let runs = bins.chunk_by(|one, next| next.0 - one.0 <= GAP_BINS);
-        let track: Vec<[f64; 2]> = runs.flat_map(|run| path(run, least, lattice)).collect();
-        let length: f64 = track.windows(2).map(|pair| distance(pair[0], pair[1])).sum();
-        if length < SHORTEST_TRACK_M { None } else { Self::from_positions(AxisSource::GpsTime, &track) }
     }
 
     pub(super) fn assemble(
@@ -255,7 +241,7 @@ pub(super) fn resample(positions: &[[f64; 2]]) -> Option<Vec<[f64; 2]>> {
 
 /// The axis without the stretches that run along an earlier one. A street that is driven twice then has one
 /// chainage, and its tiles are whole strips, not a checkerboard of two passes.
-fn first_passes(places: &[[f64; 2]]) -> Axis {
+fn first_passes(tracks: &[Vec<[f64; 2]>]) -> Axis {
     #[expect(
         clippy::cast_possible_truncation,
         reason = "grid of corridor width over at most 5,000 km of axis"
@@ -269,9 +255,17 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
     let mut driven_at: Vec<f64> = Vec::new();
     let mut counted = 0.0;
     let mut on_axis = false;
-    for (k, &place) in places.iter().enumerate() {
-        let step = if k > 0 { distance(places[k - 1], place) } else { 0.0 };
+    let mut before: Option<[f64; 2]> = None;
+    let places = tracks.iter().flat_map(|track| track.iter().enumerate());
+    for (k, &place) in places {
+        let step = before.replace(place).map_or(0.0, |before| distance(before, place));
         driven += step;
+        if k == 0 {
+            // All earlier tracks are earlier stretches. The vehicle drove at least straight to this one.
+            driven += OWN_STRETCH_M;
+            on_axis = false;
+            counted += if vertices.is_empty() { 0.0 } else { (step - VERTEX_SPACING_M).max(0.0) };
+        }
         let [i, j] = bucket(place);
         let earlier = (i - 1..=i + 1).flat_map(|a| (j - 1..=j + 1).map(move |b| [a, b])).any(|near| {
             kept.get(&near).is_some_and(|list| {
@@ -301,48 +295,6 @@ fn first_passes(places: &[[f64; 2]]) -> Axis {
         joined.push(false);
     }
     Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined)
-}
-
-/// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends
-/// are left out; the path is extended straight to the mean positions of these bins.
-fn path(run: &[(i64, &TimeBin)], least: f64, lattice: Lattice) -> Vec<[f64; 2]> {
-    #[expect(clippy::cast_possible_truncation, reason = "a mean of lattice coordinates is one")]
-    let mean = |sum: i128, count: u64| lattice.metres((sum / i128::from(count.max(1))) as i64);
-    let place = |bin: &TimeBin| [mean(bin.sum_x, bin.count), mean(bin.sum_y, bin.count)];
-    let all: Vec<[f64; 2]> = run.iter().map(|(_, bin)| place(bin)).collect();
-    let is_whole = |(_, bin): &&(i64, &TimeBin)| bin.count as f64 >= least;
-    let most = INCOMPLETE_BINS.min(run.len() / 4);
-    let first = run.iter().take(most).take_while(|bin| !is_whole(bin)).count();
-    let last = run.iter().rev().take(most).take_while(|bin| !is_whole(bin)).count();
-    let (before, rest) = all.split_at(first);
-    let (whole, after) = rest.split_at(rest.len() - last);
-    let mut path: Vec<[f64; 2]> = (0..whole.len())
-        .map(|k| {
-            let reach = SMOOTHING_BINS.min(k).min(whole.len() - 1 - k);
-            let window = &whole[k - reach..=k + reach];
-            let share = 1.0 / window.len() as f64;
-            [0, 1].map(|axis| window.iter().map(|place| place[axis]).sum::<f64>() * share)
-        })
-        .collect();
-    let beyond_start = straight_on(path.iter(), before);
-    let beyond_end = straight_on(path.iter().rev(), after);
-    path.splice(0..0, beyond_start);
-    path.extend(beyond_end);
-    path
-}
-
-/// The end of the straight extension before the first vertex of a path, as far as `places` extend. `None` if
-/// they do not extend beyond the path.
-fn straight_on<'a>(path: impl Iterator<Item = &'a [f64; 2]>, places: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let path: Vec<[f64; 2]> = path.take(INCOMPLETE_BINS + 1).copied().collect();
-    let (end, inner) = (*path.first()?, *path.last()?);
-    let length = distance(inner, end);
-    let along = |place: &[f64; 2]| {
-        ((place[0] - end[0]) * (end[0] - inner[0]) + (place[1] - end[1]) * (end[1] - inner[1])) / length
-    };
-    let farthest = places.iter().map(along).fold(0.0, f64::max);
-    let on = |axis: usize| end[axis] + farthest * (end[axis] - inner[axis]) / length;
-    (farthest > 0.0).then(|| [on(0), on(1)])
 }
 
 #[cfg(test)]
@@ -401,35 +353,5 @@ mod tests {
         let axis = Axis::from_positions(AxisSource::Trajectory, &drive).unwrap();
         assert!(axis.stretches().count() >= 2);
         assert!(axis.chainage.windows(2).all(|pair| pair[0] < pair[1]));
-    }
-
-    /// The drive goes east at 5 m per bin. In its first and last three bins, most points are missing, and the
-    /// remaining ones are beside the road.
-    #[test]
-    fn the_axis_goes_straight_on_where_a_drive_was_cut_off() {
-        let bin = |x: i128, y: i128, count: u64| TimeBin {
-            count,
-            sum_x: x * i128::from(count) * 1_000,
-            sum_y: y * i128::from(count) * 1_000,
-        };
-        let bins: BTreeMap<i64, TimeBin> = (0..40_i64)
-            .map(|k| {
-                let x = i128::from(k) * 5;
-                let cut = match k {
-                    0..3 => bin(x, -12, 40),
-                    37.. => bin(x, 9, 300),
-                    _ => bin(x, 0, 1_000),
-                };
-                (k, cut)
-            })
-            .collect();
-        let axis = Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap();
-        let beside = axis.vertices().iter().map(|vertex| vertex[1].abs()).fold(0.0, f64::max);
-        assert!(beside < 1e-6, "{beside} m");
-        assert!((axis.length_m() - 195.0).abs() < 0.01, "{}", axis.length_m());
-        assert!(axis.vertices()[0][0].abs() < 1e-6);
-        // The same applies at a part that was cut out of the middle.
-        let cut_out = bins.into_iter().map(|(k, bin)| (if k < 20 { k } else { k + 100 }, bin));
-        assert!(Axis::from_time_bins(&cut_out.collect(), Lattice::MILLIMETRE).is_some());
     }
 }

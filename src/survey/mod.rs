@@ -12,8 +12,10 @@
 //! ```
 
 mod axis;
+mod clock;
 mod error;
 mod part;
+mod runs;
 mod straight;
 mod trajectory;
 
