@@ -320,9 +320,10 @@ pub(crate) fn reduce(drive: &dyn DriveWindow) -> Result<Vec<u8>> {
     // be a valley.
     let rows = cuts::rows(&whole, lattice);
     let beside = cuts::take_beside(&mut whole, lattice);
+    let first = cuts::first_voxels(&whole, &rows, &beside);
     let mut united = trails::unite(&mut whole, &rows, lattice);
     uniting::go_on(&mut united, uniting::unite(&mut whole, |part| keeps(part, lattice), lattice));
-    let cuts = cuts::by_name(rows, beside, &united);
+    let cuts = cuts::by_name(rows, beside, &first, &united);
     united.extend(facades::unite(&mut whole, near, |part| keeps(part, lattice), lattice));
     united.extend(arms::join(&whole, |part| keeps(part, lattice), lattice));
 
