@@ -32,11 +32,12 @@ use crate::error::Result;
 use crate::model::{Lattice, TileId};
 use crate::spatial::DisjointSets;
 
-/// Distance around a tile within which voxels are read, in metres: a piece (1.1 m) next to an owned voxel,
-/// a piece linked to it (0.45 m and 1.1 m), and the columns around its centre.
-const REACH_M: f64 = 3.0;
-/// Slices of height above ground in metres. They overlap, so that a piece cut by the border of one slice is
-/// whole in another.
+/// Distance around a tile within which voxels are read, in metres: a piece (1.1 m) from an owned voxel on, a
+/// piece linked to it (0.45 m and 1.1 m), and a voxel that would make this one wider (0.54 m: the centroids
+/// of two voxels that are two and one apart). The columns around the centre of an owned piece are nearer.
+const REACH_M: f64 = 3.4;
+/// Slices of height above ground in metres. They overlap, so that a piece that one border cuts is whole in
+/// another slice.
 const SLICES_M: [(f64, f64); 5] = [(0.15, 0.9), (0.6, 1.4), (1.1, 1.9), (1.6, 2.4), (2.1, 2.9)];
 /// Largest diagonal of a piece in the plane, in metres. Wider pieces are foliage.
 const WIDTH_M: f64 = 0.75;
@@ -276,7 +277,9 @@ fn piece(
 
 /// Fills in the occupied levels around the axis of a piece, and the crown around it.
 fn look_up(around: &Classified, class: &[u8], units: &Units, piece: &mut Piece) {
-    // 15 voxels (2.25 m) contain half the width of a piece plus the radius of the ring.
+    // The window is around the first voxel, and the ring around the centre. The window has the whole ring of
+    // a piece of a street. Of that of a stem that is wider than 0.75 m, in a forest, it leaves out what is
+    // farther than 2.3 m from the first voxel. Tiles do not matter: both belong to the piece.
     let mut near = Window::new(15, i32::MAX / 4).over(&around.voxels.columns);
     let [i, j, k] = piece.first;
     near.visit([i, j], k, |voxel| {
