@@ -51,7 +51,7 @@ const ROUNDING_M: f64 = 1e-6;
 /// Where an object stands.
 #[derive(Debug)]
 pub(crate) struct Foot {
-    /// Place in the plane, in metres.
+    /// Place in the plane, in metres. It is in the box of the object.
     pub(crate) place: [f64; 2],
     /// Height of the ground there in metres, never above the lowest point of the stem. `None` if no ground is
     /// known within 10 m.
@@ -90,13 +90,14 @@ impl Foot {
         {
             let corner = frames.stem.corner.map(|value| lattice.metres(value));
             let mut ground_m = None;
-            let mut place = [0, 1].map(|k| corner[k] + axis.at(axis.from)[k]);
+            let at = |z: f64| in_box([0, 1].map(|k| corner[k] + axis.at(z)[k]), whole, lattice);
+            let mut place = at(axis.from);
             for _ in 0..ROUNDS {
                 // A stem begins at the ground or above it. The model is higher where the ground was not seen.
                 ground_m = terrain.surface_m(place).map(|surface_m| surface_m.min(corner[2] + axis.from));
                 // Without ground, the stem ends at its lowest point.
                 let z = ground_m.unwrap_or(lattice.metres(ends.bottom)) - corner[2];
-                place = [0, 1].map(|k| corner[k] + axis.at(z)[k]);
+                place = at(z);
             }
             if tree.is_none_or(|tree| tree.has_stem_at(place, axis.has_direction)) {
                 return Self { place, ground_m, stem: Some((stem, axis)) };
@@ -111,8 +112,11 @@ impl Foot {
                     _ => part.middle,
                 };
                 let (place, ground_m) = match fronts.middle(whole, site) {
-                    Some(front) => front,
-                    None => (place, terrain.surface_m(place)),
+                    Some((place, ground_m)) => (in_box(place, whole, lattice), ground_m),
+                    None => {
+                        let place = in_box(place, whole, lattice);
+                        (place, terrain.surface_m(place))
+                    }
                 };
                 Self { place, ground_m: ground_m.map(|ground_m| ground_m + part.below_m), stem: None }
             }
@@ -278,6 +282,12 @@ fn tree_foot(
         width_m: part.width_m,
         layers: stem.layers_at(of_stem),
     }
+}
+
+/// The place in the box of an object that is the nearest to a place. Metres. The middle of a cell lies beside
+/// the only point in it, and an axis is continued to the ground.
+fn in_box(place: [f64; 2], whole: &ObjectPart, lattice: Lattice) -> [f64; 2] {
+    [0, 1].map(|k| place[k].max(lattice.metres(whole.lo[k])).min(lattice.metres(whole.hi[k])))
 }
 
 /// The middle of the extents of an object in x and y, in metres.
