@@ -10,7 +10,22 @@ use crate::util::program::{ended, program};
 
 /// A short labelled drive.
 fn labelled(folder: &Path) -> PathBuf {
-    synth(folder.join("drive"), &["downtown", "--length", "40m", "--pulse-rate", "25kHz"])
+    synth(folder.join("drive"), &["downtown", "--length", "40m", "--pulse-rate", "25kHz", "--las"])
+}
+
+/// The same drive with its last record first.
+fn reversed(drive: &Path, folder: &Path) -> PathBuf {
+    let other = folder.join("reversed").join(drive.file_name().expect("a name"));
+    std::fs::create_dir_all(&other).expect("a folder");
+    let mut bytes = std::fs::read(drive.join("downtown_0001.las")).expect("the points");
+    let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four")) as usize;
+    let record_len = usize::from(u16::from_le_bytes([bytes[105], bytes[106]]));
+    let count = usize::try_from(u64::from_le_bytes(bytes[247..255].try_into().expect("eight")));
+    let end = start + count.expect("few") * record_len;
+    let records: Vec<u8> = bytes[start..end].chunks(record_len).rev().flatten().copied().collect();
+    bytes[start..end].copy_from_slice(&records);
+    std::fs::write(other.join("downtown_0001.las"), bytes).expect("written");
+    other
 }
 
 /// Sweeps of a spinning scanner. It sees far crowns and facades in pieces.
@@ -62,6 +77,10 @@ fn tiles_and_threads_change_no_byte_and_the_model_scores_its_drive() {
         models.push(std::fs::read(path).expect("a model"));
     }
     assert!(models[0] == models[1], "tiles or threads change the model");
+    let path = folder.path().join("reversed.model");
+    let output = train(&reversed(&drive, folder.path()), &path, &["--thin", "0.4"]);
+    assert_eq!(ended(&output).0, 0, "{output:?}");
+    assert!(models[0] == std::fs::read(path).expect("a model"), "the order of records changes the model");
     assert!(models[2] != models[3] && models[0] != models[3], "seed and thinned copies change nothing");
     let StreetModel { shapes, context, objects, wholes } =
         read_model(&folder.path().join("0.model")).expect("a model");

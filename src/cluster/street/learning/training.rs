@@ -11,8 +11,8 @@
 //! *Objects.* For the models of objects, all steps of `street` run with the models of voxels. See
 //! `object_samples.rs`.
 //!
-//! *Thinning.* A share of the points is taken before the voxels are made, chosen by a hash of their ids. The
-//! ground is the ground of all points.
+//! *Thinning.* A share of the points, chosen by a hash of their coordinates, is taken before the voxels are
+//! made. So neither the order of records nor the files show. The ground is that of all points.
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ use crate::cluster::street::{self, Street};
 use crate::cluster::{BytesPer, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TilePoints, TileWindow};
 use crate::codec;
 use crate::error::{Error, Result};
-use crate::model::{Field, Lattice, PointId, Reach, TileCloud, TileId};
+use crate::model::{Field, Lattice, Reach, TileCloud, TileId};
 
 /// Bytes per point that a tile needs at its peak: the features of all voxels of a tile of the step `classes`.
 const BYTES_PER_POINT: u64 = 90;
@@ -329,18 +329,18 @@ impl Smallest {
     }
 }
 
-/// The share of the points whose ids have the smallest hashes.
+/// The share of the points whose coordinates have the smallest hashes.
 fn thinned(points: TilePoints, share: f64) -> TilePoints {
     if share >= 1.0 {
         return points;
     }
     // The upper 32 bits of a hash are a number from 0 to 1 that a double holds exactly.
-    let below = |id: PointId| {
-        let upper = xxh3_64_with_seed(&id.number().to_le_bytes(), 0) >> 32;
+    let below = |point: [i64; 3]| {
+        let upper = xxh3_64_with_seed(bytemuck::bytes_of(&point), 0) >> 32;
         u32::try_from(upper).map_or(0.0, f64::from) / 4_294_967_296.0 < share
     };
-    let kept: Vec<bool> = points.cloud.id.iter().map(|&id| below(id)).collect();
     let TilePoints { cloud, core, ground } = points;
+    let kept: Vec<bool> = (0..cloud.len()).map(|point| below(cloud.lattice_point(point))).collect();
     let fields = cloud.fields.into_iter().map(|(field, values)| (field, only(values, &kept))).collect();
     let cloud = TileCloud {
         lattice: cloud.lattice,
@@ -446,5 +446,33 @@ impl Method for Training {
             _ => return Err(Error::bug("samples are not joined to objects")),
         };
         Ok(Reduced::Global(codec::encode(&limits)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thinning_takes_the_same_places_whatever_the_order_of_the_points() {
+        let places: Vec<[i64; 3]> = (0..4_000).map(|n| [n * 7 % 4_001, n * n % 999 - 500, n]).collect();
+        let of = |places: &[[i64; 3]]| {
+            let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, places);
+            let core = places.iter().map(|[x, ..]| x % 2 == 0).collect();
+            let ground = places.iter().map(|[.., z]| z % 3 == 0).collect();
+            let thin = thinned(TilePoints { cloud, core, ground }, 0.25);
+            let mut left: Vec<([i64; 3], bool, bool)> = (0..thin.cloud.len())
+                .map(|point| (thin.cloud.lattice_point(point), thin.core[point], thin.ground[point]))
+                .collect();
+            left.sort_unstable();
+            left
+        };
+        let expected = of(&places);
+        assert!((900..1_100).contains(&expected.len()), "{}", expected.len());
+        assert!(
+            expected.iter().all(|([x, _, z], core, ground)| (x % 2 == 0, z % 3 == 0) == (*core, *ground))
+        );
+        let reversed: Vec<[i64; 3]> = places.iter().rev().copied().collect();
+        assert_eq!(of(&reversed), expected);
     }
 }

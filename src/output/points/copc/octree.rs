@@ -137,7 +137,9 @@ fn gathered(bits: u128) -> u32 {
     half(bits >> HALF) << 16 | half(bits)
 }
 
-/// The order in which points are shown: a hash of their number, so that shown points are spread evenly.
+/// The order in which points are shown: a hash of their number, so that shown points are spread evenly. Not
+/// of their place: points at one place would have one rank. The file depends on the order of records anyway,
+/// because the ids of objects do.
 pub(crate) fn rank(id: PointId) -> u64 {
     splitmix64(id.number().wrapping_add(GOLDEN_GAMMA))
 }
