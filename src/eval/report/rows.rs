@@ -14,6 +14,7 @@ use crate::eval::report::rounding::{millimetres, share};
 
 /// Outcome of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(test, derive(Default))]
 pub struct ObjectRow {
     /// Id in the reference.
     pub object: i64,

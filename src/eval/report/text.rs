@@ -2,11 +2,14 @@
 
 use std::fmt::Write;
 
+use crate::eval::report::rows::ObjectRow;
 use crate::eval::report::values::{ConfusionView, FiguresView, HitsView, Report, ScoreView};
 use crate::words::{counted, separated};
 
 /// Width of the column of names.
 const NAME: usize = 26;
+/// Smallest width of a column of counts.
+const COUNT: usize = 10;
 
 impl Report<'_> {
     /// The figures for a person, followed by the `worst` unmatched objects with the smallest best IoU.
@@ -155,7 +158,10 @@ fn confusion(title: &str, counts: &[ConfusionView]) -> String {
             called.push(&entry.called);
         }
     });
-    let width = |name: &str| name.len().max(10);
+    let width = |name: &str| {
+        let counts = counts.iter().filter(|entry| entry.called == name).map(|entry| digits(&entry.count));
+        counts.max().unwrap_or(0).max(name.len()).max(COUNT)
+    };
     let mut text = format!("{title}\n{:NAME$}", "");
     called.iter().for_each(|name| text += &format!(" {name:>0$}", width(name)));
     for row in counts.chunk_by(|a, b| a.class == b.class) {
@@ -177,18 +183,33 @@ fn worst_objects(report: &Report<'_>, worst: usize) -> String {
     if shown == 0 {
         return String::new();
     }
-    let mut text = format!(
+    let text = format!(
         "{shown} of {} without a match, smallest IoU first (chainage along the {}; --objects writes all)\n",
         counted(unmatched.len() as u64, "object"),
         report.compared.chainage_along
     );
-    for row in unmatched[..shown].iter().map(|&index| report.objects.row(index)) {
-        text += &format!(
-            "{:>8}  {:NAME$} at {:>10.1} m  {:>8} points  {}\n",
+    let rows: Vec<ObjectRow> = unmatched[..shown].iter().map(|&index| report.objects.row(index)).collect();
+    text + &list(&rows)
+}
+
+/// A line per object.
+fn list(rows: &[ObjectRow]) -> String {
+    let width = |least: usize, of: fn(&ObjectRow) -> usize| rows.iter().map(of).fold(least, usize::max);
+    let id = width(8, |row| digits(&row.object));
+    let name = width(NAME, |row| row.class_name.chars().count());
+    let points = width(8, |row| digits(&row.points));
+    let line = |row: &ObjectRow| {
+        format!(
+            "{:>id$}  {:name$} at {:>10.1} m  {:>points$} points  {}\n",
             row.object, row.class_name, row.chainage_m, row.points, row.what
-        );
-    }
-    text
+        )
+    };
+    rows.iter().map(line).collect()
+}
+
+/// Width of a number as text.
+fn digits(number: &impl ToString) -> usize {
+    number.to_string().len()
 }
 
 #[cfg(test)]
@@ -201,5 +222,37 @@ mod tests {
             assert_eq!(cell(Some(share)), shown);
         }
         assert_eq!(cell(None), "-");
+    }
+
+    #[test]
+    fn lines_of_objects_are_aligned_whatever_their_ids() {
+        let row = |object, points| ObjectRow {
+            object,
+            points,
+            class_name: "tree".into(),
+            what: "no segment".into(),
+            ..ObjectRow::default()
+        };
+        let rows = [row(7, 90), row(12_345_678_901, 1_234_567_890), row(-1, 3)];
+        let text = list(&rows);
+        let at = |word: &str| text.lines().map(|line| line.find(word).unwrap()).collect::<Vec<_>>();
+        for word in ["tree", " at ", " m ", " points", "no segment"] {
+            assert!(at(word).windows(2).all(|pair| pair[0] == pair[1]), "{word}:\n{text}");
+        }
+        // Short ones have the width that they have in every table.
+        assert!(list(&rows[..1]).starts_with("       7  tree "), "{text}");
+    }
+
+    #[test]
+    fn columns_of_a_confusion_are_as_wide_as_their_counts() {
+        let entry = |class: u16, called: &str, count| ConfusionView {
+            class,
+            name: format!("class {class}"),
+            called: called.into(),
+            count,
+        };
+        let text = confusion("points", &[entry(2, "tree", 7), entry(3, "tree", 987_654_321_000)]);
+        let ends: Vec<usize> = text.lines().skip(1).map(str::len).collect();
+        assert!(ends.windows(2).all(|pair| pair[0] == pair[1]), "{text}");
     }
 }
