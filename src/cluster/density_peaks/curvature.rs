@@ -2,6 +2,10 @@
 //! last bit wherever it is computed: sums are exact integers, and eigenvalues come from a fixed sequence of
 //! correctly rounded operations.
 
+use crate::cluster::eigen::eigen_within;
+
+/// Rotations end when the matrix is diagonal to the last bit: a curvature has 12 digits.
+const DIAGONAL: f64 = 0.0;
 /// The curvature 1. Curvatures are counted in steps of 2^-40, so that their sums are exact in any order.
 pub(super) const ONE: i64 = 1 << 40;
 
@@ -14,13 +18,13 @@ pub(super) fn curvature(places: &[[i64; 3]]) -> i64 {
     let xy = moment(0, 1);
     let xz = moment(0, 2);
     let yz = moment(1, 2);
-    let matrix = [[moment(0, 0), xy, xz], [xy, moment(1, 1), yz], [xz, yz, moment(2, 2)]];
-    let trace = matrix[0][0] + matrix[1][1] + matrix[2][2];
+    let matrix = [moment(0, 0), xy, xz, moment(1, 1), yz, moment(2, 2)];
+    let trace = matrix[0] + matrix[3] + matrix[5];
     if trace <= 0.0 {
         return 0;
     }
-    let values = eigenvalues(matrix);
-    let share = values[0].min(values[1]).min(values[2]).max(0.0) / trace;
+    let [_, _, (smallest, _)] = eigen_within(DIAGONAL, matrix);
+    let share = smallest.max(0.0) / trace;
     #[expect(clippy::cast_possible_truncation, reason = "a share of at most a third")]
     let steps = (share * ONE as f64).round() as i64;
     steps
@@ -51,39 +55,6 @@ fn moment_128(places: &[[i64; 3]], a: usize, b: usize) -> f64 {
     let products = sum(&|place| i128::from(place[a]) * i128::from(place[b]));
     let sums = [a, b].map(|axis| sum(&|place| i128::from(place[axis])));
     (places.len() as i128 * products - sums[0] * sums[1]) as f64
-}
-
-/// Eigenvalues of a symmetric matrix by Jacobi's rotations, in the order 01, 02, 12. It uses only sums,
-/// products, quotients and square roots, which every machine rounds alike. Twelve sweeps are far more than
-/// the five or six that are needed.
-fn eigenvalues(mut m: [[f64; 3]; 3]) -> [f64; 3] {
-    for _ in 0..12 {
-        for (p, q, r) in [(0, 1, 2), (0, 2, 1), (1, 2, 0)] {
-            let off = m[p][q];
-            if off.abs() <= f64::MIN_POSITIVE {
-                continue;
-            }
-            let theta = (m[q][q] - m[p][p]) / (2.0 * off);
-            let sign = if theta < 0.0 { -1.0 } else { 1.0 };
-            let t = sign / (theta.abs() + (theta * theta + 1.0).sqrt());
-            let c = 1.0 / (t * t + 1.0).sqrt();
-            let s = t * c;
-            m[p][p] -= t * off;
-            m[q][q] += t * off;
-            m[p][q] = 0.0;
-            m[q][p] = 0.0;
-            let pr = m[p][r];
-            let qr = m[q][r];
-            m[p][r] = c * pr - s * qr;
-            m[q][r] = s * pr + c * qr;
-            m[r][p] = m[p][r];
-            m[r][q] = m[q][r];
-        }
-        if m[0][1].abs() + m[0][2].abs() + m[1][2].abs() <= f64::MIN_POSITIVE {
-            break;
-        }
-    }
-    [m[0][0], m[1][1], m[2][2]]
 }
 
 #[cfg(test)]
