@@ -74,3 +74,7 @@ pub mod run;
 pub mod synth;
 
 pub use error::{Error, ErrorKind, Failure, Result};
+
+#[cfg(test)]
+#[path = "../tests/util/numbers.rs"]
+mod numbers;

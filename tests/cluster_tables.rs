@@ -10,6 +10,7 @@ use chainage::spatial::Points;
 use chainage::table::Table;
 use proptest::prelude::*;
 
+use crate::util::numbers::Numbers;
 use crate::util::program::program;
 use crate::util::{oracle, shared_data};
 
@@ -57,11 +58,8 @@ fn the_shape_sets_give_the_clusters_of_the_paper() {
 /// Three round clouds of 200 points each, with the distances of figure 5 of the paper (Lu et al. 2016), in
 /// any number of dimensions. Sums of twelve uniform numbers are nearly normal.
 fn three_clouds(dimensions: usize) -> Points {
-    let mut state = 7_u64;
-    let mut uniform = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut numbers = Numbers::new(7);
+    let mut uniform = || (numbers.bits() >> 11) as f64 / (1_u64 << 53) as f64;
     let mut values = Vec::new();
     for point in 0..600 {
         for axis in 0..dimensions {

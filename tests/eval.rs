@@ -14,6 +14,7 @@ use chainage::model::Lattice;
 use chainage::{Error, ErrorKind};
 use proptest::prelude::*;
 
+use crate::util::numbers::Numbers;
 use crate::util::program::program;
 
 fn settings() -> MetricSettings {
@@ -135,20 +136,6 @@ proptest! {
     }
 }
 
-/// A generator that is easy to write in any language.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: u64) -> u64 {
-        self.next() % limit
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        self.0 >> 33
-    }
-}
-
 #[test]
 fn the_rand_index_is_that_of_scikit_learn() {
     // Seed, points, objects, segments, percent of random labels; sklearn.metrics.adjusted_rand_score 1.x on
@@ -161,7 +148,7 @@ fn the_rand_index_is_that_of_scikit_learn() {
         (5, 300, 2, 1, 50, 0.0),
         (6, 1000, 4, 4, 0, 1.0),
     ] {
-        let mut random = Random(seed);
+        let mut random = Numbers::new(seed);
         let labels: Vec<(i64, i64, u64)> = (0..points)
             .map(|_| {
                 let object = random.below(objects);
@@ -189,7 +176,7 @@ struct Labelled {
 
 /// A street of 40 objects in a row, some with two segments and some without one, on ground.
 fn street(points: usize) -> Vec<Labelled> {
-    let mut random = Random(11);
+    let mut random = Numbers::new(11);
     let mut millimetres = |extent: u64| random.below(extent) as f64 / 1000.0;
     (0..points)
         .map(|index| {
@@ -283,7 +270,7 @@ fn compare(prediction: &[PathBuf], reference: &[PathBuf]) -> Result<(String, Tab
 
 /// Sorts by a random key.
 fn shuffled(points: &[Labelled]) -> Vec<Labelled> {
-    let mut random = Random(5);
+    let mut random = Numbers::new(5);
     let mut keyed: Vec<(u64, usize)> = (0..points.len()).map(|index| (random.next(), index)).collect();
     keyed.sort_unstable();
     // The two points with one key keep their order, because the order decides how they are matched.

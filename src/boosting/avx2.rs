@@ -97,13 +97,12 @@ fn look_up(eights: &[__m256i; MOST_LEAVES / LANES], numbers: __m128i) -> __m256i
 mod tests {
     use super::*;
     use crate::boosting::portable;
+    use crate::numbers::Numbers;
 
     /// Numbers that look random.
     fn numbers() -> impl Iterator<Item = u64> {
-        std::iter::successors(Some(5_u64), |state| {
-            Some(state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407))
-        })
-        .map(|state| state ^ state >> 33)
+        let mut numbers = Numbers::new(5);
+        std::iter::repeat_with(move || numbers.bits()).map(|bits| bits ^ bits >> 33)
     }
 
     #[test]

@@ -181,6 +181,7 @@ fn leaves(cuts: &[Cut], above: &[Rows]) -> [Rows; DIGITS] {
 mod tests {
     use super::*;
     use crate::boosting::tree::Split;
+    use crate::numbers::Numbers;
 
     /// Score of a row by walking through the splits.
     fn walk(thresholds: &[Vec<f32>], tree: &Tree, row: &[f32]) -> i32 {
@@ -196,39 +197,33 @@ mod tests {
         tree.values[leaf]
     }
 
-    fn random(state: &mut u64) -> u64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        *state >> 33
-    }
-
     #[test]
     fn blocks_give_what_a_walk_through_each_tree_gives() {
-        let mut state = 5;
-        let below = |state: &mut u64, limit: usize| usize::try_from(random(state)).unwrap() % limit;
+        let mut numbers = Numbers::new(5);
+        let below = |numbers: &mut Numbers, limit: usize| usize::try_from(numbers.next()).unwrap() % limit;
         let sizes = [0, 1, 2, 63, 64, 255];
         let thresholds: Vec<Vec<f32>> =
             sizes.iter().map(|&count| (0..count).map(|n| n as f32).collect()).collect();
         let trees: Vec<Tree> = (0..30)
             .map(|number| {
                 let leaves = 1 + number % MOST_LEAVES;
-                let split = |at: usize, state: &mut u64| {
-                    let feature = 1 + below(state, 5);
+                let split = |at: usize, numbers: &mut Numbers| {
+                    let feature = 1 + below(numbers, 5);
                     Split {
-                        leaf: u8::try_from(below(state, at + 1)).unwrap(),
+                        leaf: u8::try_from(below(numbers, at + 1)).unwrap(),
                         feature: u16::try_from(feature).unwrap(),
-                        threshold: u8::try_from(below(state, sizes[feature])).unwrap(),
+                        threshold: u8::try_from(below(numbers, sizes[feature])).unwrap(),
                     }
                 };
-                let splits = (0..leaves - 1).map(|at| split(at, &mut state)).collect();
-                let values =
-                    (0..leaves).map(|_| i32::try_from(random(&mut state) % 1000).unwrap() - 500).collect();
+                let splits = (0..leaves - 1).map(|at| split(at, &mut numbers)).collect();
+                let values = (0..leaves).map(|_| i32::try_from(numbers.below(1000)).unwrap() - 500).collect();
                 Tree { splits, values }
             })
             .collect();
         let forest = Forest::new(&thresholds, &[7, -7, 3], &trees).unwrap();
         for count in [1, 63, 64, 65, 200, 256, 257, 600] {
             let rows: Vec<f32> =
-                (0..count * 6).map(|_| below(&mut state, 2600) as f32 / 10.0 - 2.0).collect();
+                (0..count * 6).map(|_| below(&mut numbers, 2600) as f32 / 10.0 - 2.0).collect();
             let mut found = Vec::new();
             forest.scores::<3>(&rows, &mut |scores| found.push(*scores));
             let mut portable = Vec::new();

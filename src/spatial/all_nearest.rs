@@ -329,14 +329,12 @@ fn split<const D: usize>(items: &mut [([f64; D], u32)], first: usize, nodes: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// A fixed pseudo-random cloud with repeated points; a fifth of it is ten times denser.
     fn cloud<const D: usize>(count: usize, steps: u32) -> Vec<[f64; D]> {
-        let mut state = 7_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            f64::from(u32::try_from(state >> 33).unwrap() % steps)
-        };
+        let mut numbers = Numbers::new(7);
+        let mut next = || f64::from(u32::try_from(numbers.next()).unwrap() % steps);
         (0..count)
             .map(|row| std::array::from_fn(|_| next() / if row % 5 == 0 { 10.0 } else { 1.0 }))
             .collect()

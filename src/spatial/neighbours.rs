@@ -96,14 +96,12 @@ impl<'a> Index<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// A fixed pseudo-random cloud with repeated points.
     fn cloud(dimensions: usize, count: usize) -> Points {
-        let mut state = 1_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            f64::from(u32::try_from(state >> 33).unwrap() % 40) / 4.0
-        };
+        let mut numbers = Numbers::new(1);
+        let mut next = || f64::from(u32::try_from(numbers.below(40)).unwrap()) / 4.0;
         Points::new(dimensions, (0..count * dimensions).map(|_| next()).collect()).unwrap()
     }
 

@@ -107,14 +107,11 @@ pub(crate) fn median(values: &[f32], len: usize, scratch: &mut Vec<f32>) -> f32 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     fn values(count: usize, steps: u64, power: i32) -> Vec<f32> {
-        let mut state = count as u64 + steps;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % steps
-        };
-        (0..count).map(|_| (next() as f32).powi(power)).collect()
+        let mut numbers = Numbers::new(count as u64 + steps);
+        (0..count).map(|_| (numbers.below(steps) as f32).powi(power)).collect()
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub(crate) mod imports;
 pub(crate) mod las;
 pub(crate) mod memory_drive;
 pub(crate) mod method_run;
+pub(crate) mod numbers;
 pub(crate) mod oracle;
 pub(crate) mod peaks_oracle;
 pub(crate) mod program;

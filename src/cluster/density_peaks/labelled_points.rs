@@ -419,6 +419,7 @@ mod tests {
     use crate::cluster::TilePoints;
     use crate::cluster::columns::{Columns, global_indices};
     use crate::model::{Lattice, TileCloud};
+    use crate::numbers::Numbers;
     use crate::spatial::VoxelIndex;
 
     const EDGE: u32 = 300;
@@ -442,11 +443,8 @@ mod tests {
     /// many points are in one place.
     #[test]
     fn beside_dense_voxels_the_nearest_is_that_of_brute_force_and_few_points_are_compared() {
-        let mut state = 3_u64;
-        let mut below = |most: i64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i64::try_from(state >> 33).unwrap() % most
-        };
+        let mut numbers = Numbers::new(3);
+        let mut below = |most: i64| i64::try_from(numbers.next()).unwrap() % most;
         let mut points = Vec::new();
         for (count, origin, sides) in [
             (2_000, [-600, 0, 0], [30, 30, 30]),

@@ -256,6 +256,7 @@ fn exponential(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     fn scale() -> Scale {
         Scale::new(&NormalizedCutConfig::default(), 0.3)
@@ -263,11 +264,8 @@ mod tests {
 
     /// Voxels at random places of a box, with random centroids.
     fn scene() -> (Vec<Voxel>, Vec<[f64; 3]>) {
-        let mut state = 7_u64;
-        let mut random = |end: i32| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            ((state >> 33) % u64::from(end.unsigned_abs())) as i32
-        };
+        let mut numbers = Numbers::new(7);
+        let mut random = |end: i32| numbers.below(u64::from(end.unsigned_abs())) as i32;
         let mut keys: Vec<Voxel> = (0..300).map(|_| [random(16), random(12), random(40)]).collect();
         keys.sort_unstable();
         keys.dedup();

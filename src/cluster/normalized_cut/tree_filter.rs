@@ -188,6 +188,7 @@ pub(super) fn join_facades(voxels: &Voxels, parts: Parts, classes: Vec<u8>) -> (
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// The class of points in millimetres as one part.
     fn class_of(points: &[[i64; 3]], edge: i64) -> u8 {
@@ -207,17 +208,16 @@ mod tests {
         Voxels { doublings: 0, edge, key, points: vec![1; count], sums: vec![[0; 3]; count] }
     }
 
-    /// A pseudo-random number from 0 to `end`.
-    fn noise(state: &mut u64, end: i64) -> i64 {
-        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        i64::try_from((*state >> 33) % end.unsigned_abs()).unwrap()
+    /// A number that looks random, from 0 to `end`.
+    fn noise(numbers: &mut Numbers, end: i64) -> i64 {
+        i64::try_from(numbers.below(end.unsigned_abs())).unwrap()
     }
 
     fn tree() -> Vec<[i64; 3]> {
-        let mut state = 1;
+        let mut numbers = Numbers::new(1);
         let mut points: Vec<[i64; 3]> = (0..2_500).step_by(100).map(|z| [0, 0, z]).collect();
         while points.len() < 900 {
-            let by = [(); 3].map(|()| noise(&mut state, 4_000) - 2_000);
+            let by = [(); 3].map(|()| noise(&mut numbers, 4_000) - 2_000);
             if by.iter().map(|value| value * value).sum::<i64>() < 4_000_000 {
                 points.push([by[0], by[1], by[2] + 4_200]);
             }

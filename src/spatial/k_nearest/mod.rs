@@ -381,14 +381,12 @@ fn root_of_squared(a: [i32; 3], b: [i32; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// A fixed pseudo-random cloud with repeated points; a fifth of it is ten times denser.
     fn cloud(count: usize, steps: i32) -> Vec<[i32; 3]> {
-        let mut state = 7_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i32::try_from(state >> 33).unwrap() % steps
-        };
+        let mut numbers = Numbers::new(7);
+        let mut next = || i32::try_from(numbers.next()).unwrap() % steps;
         (0..count).map(|row| [(); 3].map(|()| next() / if row % 5 == 0 { 10 } else { 1 })).collect()
     }
 

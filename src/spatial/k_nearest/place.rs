@@ -60,14 +60,12 @@ impl KNearest {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// A fixed pseudo-random number below `most`.
     fn numbers() -> impl FnMut(i32) -> i32 {
-        let mut state = 5_u64;
-        move |most| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i32::try_from(state >> 33).unwrap() % most
-        }
+        let mut numbers = Numbers::new(5);
+        move |most| i32::try_from(numbers.next()).unwrap() % most
     }
 
     #[test]

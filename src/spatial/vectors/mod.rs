@@ -59,6 +59,7 @@ fn with_avx2<W: Work>(work: W) -> W::Output {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     /// Random blocks of a cube of 4,000 units, and places to look around.
     struct Scene {
@@ -70,11 +71,8 @@ mod tests {
     type Found = Vec<(u32, [i32; 3], u32)>;
 
     fn scene() -> Scene {
-        let mut state = 9_u64;
-        let mut below = |most: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i32::try_from((state >> 33) % most).unwrap()
-        };
+        let mut numbers = Numbers::new(9);
+        let mut below = |most: u64| i32::try_from(numbers.below(most)).unwrap();
         let mut block = || {
             let axes = std::array::from_fn(|_| std::array::from_fn(|_| below(4_000)));
             Block { axes, len: below(8).unsigned_abs() + 1 }

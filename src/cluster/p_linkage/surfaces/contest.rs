@@ -280,6 +280,7 @@ impl<'a> Arena<'a> {
 mod tests {
     use super::*;
     use crate::model::PointId;
+    use crate::numbers::Numbers;
 
     /// Surfaces of points, and points.
     type Scene = (Vec<u32>, Vec<[i32; 3]>);
@@ -354,11 +355,8 @@ mod tests {
 
     /// Points at random in a box of 0.3 m over an edge of cubes, in surfaces that lean in all directions.
     fn noise() -> (Vec<u32>, Vec<[i32; 3]>) {
-        let mut state = 7_u64;
-        let mut below = |most: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i32::try_from((state >> 33) % most).unwrap()
-        };
+        let mut numbers = Numbers::new(7);
+        let mut below = |most: u64| i32::try_from(numbers.below(most)).unwrap();
         (0..6_000)
             .map(|_| {
                 let [x, y, z] = [(); 3].map(|()| below(300) + 1_300);

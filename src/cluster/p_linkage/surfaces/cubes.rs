@@ -357,14 +357,12 @@ fn sums_of<'a>(sums: &'a SumsOfCubes, near: &Near) -> &'a Sums {
 mod tests {
     use super::*;
     use crate::cluster::p_linkage::surfaces::planes::likeness;
+    use crate::numbers::Numbers;
 
     /// Points of two surfaces and of none, in a box of 3 m around a negative corner.
     fn scene() -> (Vec<[i32; 3]>, [i64; 3], Vec<u32>) {
-        let mut state = 5_u64;
-        let mut below = |most: u64| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            i32::try_from((state >> 33) % most).unwrap()
-        };
+        let mut numbers = Numbers::new(5);
+        let mut below = |most: u64| i32::try_from(numbers.below(most)).unwrap();
         let mut places = Vec::new();
         let mut surfaces = Vec::new();
         for _ in 0..900 {

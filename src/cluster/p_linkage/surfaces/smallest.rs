@@ -82,14 +82,12 @@ fn cross(u: [f64; 3], v: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers::Numbers;
 
     #[test]
     fn values_and_vectors_are_those_of_rotations() {
-        let mut state = 3_u64;
-        let mut next = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / f64::from(1 << 24) - 0.5
-        };
+        let mut numbers = Numbers::new(3);
+        let mut next = || (numbers.bits() >> 40) as f64 / f64::from(1 << 24) - 0.5;
         let mut by_newton = 0;
         for round in 0..2_000 {
             let flat = [1.0, 0.1, 1e-3, 1e-6][round % 4];
