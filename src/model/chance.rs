@@ -14,3 +14,38 @@ pub(crate) fn splitmix64(bits: u64) -> u64 {
     let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     mixed ^ (mixed >> 31)
 }
+
+/// A fixed sequence of numbers that look random.
+#[derive(Debug)]
+pub(crate) struct Chance(u64);
+
+impl Chance {
+    /// The sequence of a seed.
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// The next number.
+    pub(crate) fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
+        splitmix64(self.0)
+    }
+
+    /// The next number below `count`; 0 if this is 0.
+    #[expect(clippy::cast_possible_truncation, reason = "below a usize")]
+    pub(crate) fn below(&mut self, count: usize) -> usize {
+        ((u128::from(self.next()) * count as u128) >> 64) as usize
+    }
+
+    /// Three different numbers below `count`, which is at least 3.
+    pub(crate) fn three(&mut self, count: usize) -> [usize; 3] {
+        let first = self.below(count);
+        let mut second = self.below(count - 1);
+        second += usize::from(second >= first);
+        let mut third = self.below(count - 2);
+        for taken in [first.min(second), first.max(second)] {
+            third += usize::from(third >= taken);
+        }
+        [first, second, third]
+    }
+}

@@ -34,7 +34,7 @@ mod plane;
 mod reach;
 mod records;
 
-pub(crate) use chance::{GOLDEN_GAMMA, splitmix64};
+pub(crate) use chance::{Chance, GOLDEN_GAMMA, splitmix64};
 pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};

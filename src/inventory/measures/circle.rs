@@ -7,7 +7,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::model::{GOLDEN_GAMMA, splitmix64};
+use crate::model::{Chance, GOLDEN_GAMMA};
 
 /// Radii that a stem or a pole can have, in metres.
 const RADII_M: [f64; 2] = [0.015, 0.8];
@@ -47,7 +47,7 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     }
     let step = points.len().div_ceil(MOST_POINTS);
     let some: Vec<[f64; 2]> = points.iter().copied().step_by(step).collect();
-    let mut chance = Chance(0x9e37_79b9_7f4a_7c15);
+    let mut chance = Chance::new(GOLDEN_GAMMA);
     let mut best: Option<(f64, [f64; 3])> = None;
     for _ in 0..TRIES {
         let triple = [(); 3].map(|()| some[chance.below(some.len())]);
@@ -84,19 +84,7 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     })
 }
 
-/// A fixed sequence of numbers: SplitMix64.
-struct Chance(u64);
-
-impl Chance {
-    fn below(&mut self, count: usize) -> usize {
-        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
-        #[expect(clippy::cast_possible_truncation, reason = "smaller than `count`")]
-        let number = ((u128::from(splitmix64(self.0)) * count as u128) >> 64) as usize;
-        number
-    }
-}
-
-/// Length of a vector of metres. `f64::hypot` also handles lengths whose squares overflow. It takes several
+/// Length of a vector of metres. `f64::hypot` also serves lengths whose squares are no numbers, takes several
 /// times as long, and its last digit depends on the system's library.
 pub(super) fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()

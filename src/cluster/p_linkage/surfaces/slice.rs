@@ -17,7 +17,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::planes::{Consistent, Fit, Moments, Scratch};
-use crate::model::{GOLDEN_GAMMA, splitmix64};
+use crate::model::Chance;
 use crate::spatial::{Loops, ROW, Work, fill_up, run, threshold};
 
 /// Number of trials, I_t of equation 9, rounded up.
@@ -55,34 +55,6 @@ pub(super) struct Slice {
     pub(super) consistent: Vec<bool>,
 }
 
-/// A fixed sequence of random numbers: SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
-        splitmix64(self.0)
-    }
-
-    /// A number below `count`.
-    #[expect(clippy::cast_possible_truncation, reason = "below a usize")]
-    fn below(&mut self, count: usize) -> usize {
-        ((u128::from(self.next()) * count as u128) >> 64) as usize
-    }
-
-    /// Three different numbers below `count`, which is at least 3.
-    fn three(&mut self, count: usize) -> [usize; 3] {
-        let first = self.below(count);
-        let mut second = self.below(count - 1);
-        second += usize::from(second >= first);
-        let mut third = self.below(count - 2);
-        for taken in [first.min(second), first.max(second)] {
-            third += usize::from(third >= taken);
-        }
-        [first, second, third]
-    }
-}
-
 /// The search for the flattest plane.
 struct Trials<'a> {
     /// The points relative to the first one. `axes` has the same by axis.
@@ -99,7 +71,7 @@ impl Work for Trials<'_> {
     fn with<L, K>(self, _: &Loops<L, K>) -> Option<Fit> {
         let Self { by, axes, small } = self;
         let half = (by.len() / 2).max(3);
-        let mut random = Random(by.len() as u64);
+        let mut random = Chance::new(by.len() as u64);
         let mut nearest = Nearest::of(by, small);
         let mut best: Option<Fit> = None;
         for _ in 0..TRIALS {
@@ -246,7 +218,7 @@ mod tests {
 
     #[test]
     fn three_different_points_are_chosen_and_each_triple_is_possible() {
-        let mut random = Random(5);
+        let mut random = Chance::new(5);
         let mut seen = std::collections::BTreeSet::new();
         for _ in 0..2_000 {
             let [a, b, c] = random.three(4);
@@ -258,7 +230,7 @@ mod tests {
 
     #[test]
     fn a_plane_with_outliers_on_one_side_is_found() {
-        let mut random = Random(11);
+        let mut random = Chance::new(11);
         let mut noise =
             |most: u64| i64::try_from(random.next() % (2 * most + 1)).unwrap() - i64::try_from(most).unwrap();
         let mut points: Vec<[i64; 3]> = (0..70).map(|_| [noise(500), noise(500), noise(4)]).collect();
