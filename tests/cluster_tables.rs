@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
+use chainage::cluster::DbscanVariant;
+use chainage::cluster::dbscan::rows::Dbscan;
 use chainage::cluster::p_linkage::PLinkage;
 use chainage::spatial::Points;
 use chainage::table::Table;

@@ -3,10 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::cluster::Epsilon;
 use chainage::cluster::dbscan::epsilon::DriveEpsilon;
 use chainage::cluster::dbscan::epsilon::{Curve, EpsilonError};
 use chainage::cluster::dbscan::rows as space;
+use chainage::cluster::{DbscanVariant, Epsilon};
 use chainage::run::{CancelToken, EstimateRequest, Registries, Silent, estimate_epsilon};
 use chainage::spatial::Points;
 use proptest::prelude::*;
@@ -286,7 +286,7 @@ const FIELDS: &str = r#"dbscan.fields=["x","y","z","intensity"]"#;
 fn fields_beyond_coordinates_are_standardised_over_the_drive_and_exact_over_tiles() {
     let folder = scratch();
     let sweep = [shipped("tests/data/tree_road_sweep.laz")];
-    for (variant, kind) in [("size", space::DbscanVariant::Size), ("core", space::DbscanVariant::Core)] {
+    for (variant, kind) in [("size", DbscanVariant::Size), ("core", DbscanVariant::Core)] {
         let set = settings(&[
             "cluster.method=dbscan",
             "dbscan.epsilon=0.08",

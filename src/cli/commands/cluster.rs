@@ -3,8 +3,9 @@
 
 use std::path::PathBuf;
 
+use chainage::cluster::DbscanVariant;
 use chainage::cluster::dbscan::epsilon;
-use chainage::cluster::dbscan::rows::{Dbscan, DbscanVariant};
+use chainage::cluster::dbscan::rows::Dbscan;
 use chainage::cluster::p_linkage::PLinkage;
 use chainage::config::ConfigError;
 use chainage::spatial::{Points, SpatialError};

@@ -7,7 +7,7 @@
 //! because the statistics are those of the whole drive. Cost: one query of radius epsilon per point (`core`:
 //! three). Memory per point: about 8 bytes per field, 20 of the tree and 20 more.
 
-use super::settings::{DbscanConfig, DbscanVariant, NAME};
+use super::settings::{DbscanConfig, NAME};
 use crate::cluster::dbscan::rows;
 use crate::model::{AlgorithmError, FieldSpace, TileCloud};
 use crate::spatial::Points;
@@ -24,17 +24,9 @@ pub(super) fn label(
 ) -> Result<u32, AlgorithmError> {
     let too_many = |_| AlgorithmError::TooManyPoints { method: NAME, points: cloud.len() as u64 };
     let points = Points::new(space.axes.len(), space.places(cloud)).map_err(too_many)?;
-    let method = rows::Dbscan {
-        variant: match config.variant {
-            DbscanVariant::Size => rows::DbscanVariant::Size,
-            DbscanVariant::Core => rows::DbscanVariant::Core,
-        },
-        epsilon,
-        min_points: config.min_points,
-        max_points: 0,
-    };
-    // Of equally near core points, the one with the smaller values counts, so the order of the points does
-    // not matter.
+    let method =
+        rows::Dbscan { variant: config.variant, epsilon, min_points: config.min_points, max_points: 0 };
+    // Of equal distances, the smaller values count. The order of the points does not matter.
     let (found, count) = method.connected_sets(&points, core, &cloud.id).map_err(too_many)?;
     labels.copy_from_slice(&found);
     Ok(count)

@@ -6,8 +6,9 @@
 //! the order of the rows does not matter.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use super::settings::DbscanVariant;
 use crate::cluster::dbscan::epsilon::{Curve, CurveSums};
 use crate::cluster::linking::numbering as labels;
 use crate::model::PointId;
@@ -18,17 +19,6 @@ use crate::spatial::{Points, SpatialError};
 
 /// Number of leaves that a thread processes at a time: a few thousand points.
 const LEAVES_AT_ONCE: usize = 256;
-
-/// How points form a cluster.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon. Clusters whose size is out of range are noise.
-    Size,
-    /// Core points connected by such steps, with the border points around them. A core point has at least
-    /// `min_points` points within epsilon, itself included.
-    Core,
-}
 
 /// Settings of `dbscan`.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -46,14 +46,15 @@ impl std::fmt::Display for Epsilon {
     }
 }
 
-/// How points form an object.
+/// How points form an object of a drive, or a cluster of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DbscanVariant {
-    /// Points connected by steps of at most epsilon. Objects whose number of points is out of range are
-    /// dropped.
+    /// Points connected by steps of at most epsilon. Objects whose number of points is not in range are
+    /// dropped: their points are noise.
     Size,
-    /// Core points connected by such steps, with the border points around them.
+    /// Core points (at least `min_points` points within epsilon, itself included) connected by such steps,
+    /// with the border points around them.
     Core,
 }
 
