@@ -215,6 +215,27 @@ fn status_names_the_setting_its_values_and_their_unit() {
 }
 
 #[test]
+fn commands_offer_only_settings_that_have_an_effect_on_them() {
+    let folder = samples();
+    let passes = ["--preset", "--method", "--ground", "--model", "--tile-length"];
+    let of_run = [&passes[..], &["--config", "--trajectory"]].concat();
+    for (command, without, with) in [
+        ("info", &passes[..], &["--config", "--set", "--trajectory", "--memory", "--no-mmap"][..]),
+        (
+            "train",
+            &["--method"],
+            &["--preset", "--config", "--ground", "--model", "--tile-length", "--threads"],
+        ),
+        ("work", &of_run, &["--set", "--threads", "--memory", "--no-mmap"]),
+    ] {
+        let help = told(folder.path(), &[command, "--help"]);
+        let offers = |flag: &&&str| help.split_whitespace().any(|word| word == **flag);
+        assert_eq!(without.iter().find(offers), None, "{help}");
+        assert!(with.iter().all(|flag| offers(&flag)), "{help}");
+    }
+}
+
+#[test]
 fn a_fresh_run_removes_and_names_what_the_earlier_one_wrote() {
     let folder = samples();
     assert_eq!(code(&call(folder.path(), &["run", SAMPLE, "-o", "out", "-q"])), 0);

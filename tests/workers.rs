@@ -371,7 +371,7 @@ fn a_preset_is_no_setting_of_a_worker() {
     let out = inputs.path("out");
     let due = inputs.open(&out, &[]);
     let arguments = ["--pass", due.pass(), "--preset", "forest"];
-    refused("work", &out, &arguments, 3, &["--preset = forest: must be left out"]);
+    refused("work", &out, &arguments, 2, &["unexpected argument '--preset'"]);
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! The arguments that `info`, `plan` and `run` share: a drive and its settings.
+//! The arguments that commands share: a drive and its settings. A command has those that have an effect on
+//! it.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -92,49 +93,132 @@ pub(crate) struct Settings {
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct Choices {
+    #[command(flatten)]
+    start: Start,
+    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), STREET))]
+    pub(crate) method: Option<String>,
+    #[command(flatten)]
+    ground: GroundFilter,
+    /// Model of the method street, a file that `chainage train` wrote [default: the built-in model]
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    tiles: Tiles,
+}
+
+/// What flags change: the settings of a preset, of a file, and single ones.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct Start {
     /// Start from the settings of a preset instead of the defaults: see `chainage config --presets`
     #[arg(long, value_name = "NAME")]
     preset: Option<String>,
+    #[command(flatten)]
+    written: Written,
+}
+
+/// The settings of a file, and single ones.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct Written {
     /// Configuration file with the settings that differ from `chainage config`
     #[arg(short = 'c', long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    config: Option<PathBuf>,
+    #[command(flatten)]
+    single: Single,
+}
+
+/// Single settings.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct Single {
     /// Change a setting, for example --set street.min_points=10; may be repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
-    pub(crate) assignments: Vec<String>,
-    #[arg(long, value_name = "NAME", help = methods("Clustering method", &clusterers(), STREET))]
-    pub(crate) method: Option<String>,
+    assignments: Vec<String>,
+}
+
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct GroundFilter {
     #[arg(long, value_name = "NAME", help = methods("Ground filter", &filters(), "opening"))]
-    pub(crate) ground: Option<String>,
-    /// Model of the method street, a file that `chainage train` wrote [default: the built-in model]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) model: Option<PathBuf>,
+    ground: Option<String>,
+}
+
+/// How the drive is divided.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct Tiles {
     /// Length of a tile along the axis, such as 25 or 25m [default: as long as the memory budget allows]
     #[arg(long, value_name = "METRES", value_parser = metres, allow_hyphen_values = true)]
     tile_length: Option<f64>,
+    #[command(flatten)]
+    axis: AxisSource,
+}
+
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+struct AxisSource {
     /// Trajectory: CSV with the columns gps_time,x,y,z [default: the axis is derived from the points]
     #[arg(long, value_name = "FILE")]
     trajectory: Option<PathBuf>,
+}
+
+/// The settings of a look at a drive, for `info`. It has no passes after the survey.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct LookSettings {
+    #[command(flatten)]
+    written: Written,
+    #[command(flatten)]
+    axis: AxisSource,
+    #[command(flatten)]
+    machine: Machine,
+}
+
+/// The settings of labelled drives, for `train`. Its method is its own.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct LabelledSettings {
+    #[command(flatten)]
+    start: Start,
+    #[command(flatten)]
+    ground: GroundFilter,
+    #[command(flatten)]
+    tiles: Tiles,
+    #[command(flatten)]
+    machine: Machine,
+}
+
+/// The settings of a process that works on a run, for `work`. All others are those of the run.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings")]
+pub(crate) struct WorkerSettings {
+    #[command(flatten)]
+    single: Single,
+    #[command(flatten)]
+    machine: Machine,
 }
 
 impl Choices {
     /// The settings of a call that resumes a run: the settings of the last call with these options applied,
     /// or, if a preset or file is given, the settings of a new call.
     pub(crate) fn resolve_after(&self, last: &Path) -> chainage::Result<Config> {
-        let begins_anew = self.preset.is_some() || self.config.is_some();
-        self.resolve_over(if begins_anew { self.config.as_deref() } else { Some(last) }, &[])
+        let Start { preset, written } = &self.start;
+        let begins_anew = preset.is_some() || written.config.is_some();
+        self.resolve_over(if begins_anew { written.config.as_deref() } else { Some(last) }, &[])
     }
 
     /// Whether any option was given.
     pub(crate) fn is_any_given(&self) -> bool {
-        let Self { preset, config, assignments, method, ground, model, tile_length, trajectory } = self;
+        let Self { start: Start { preset, written }, method, ground, model, tiles } = self;
         preset.is_some()
-            || config.is_some()
-            || !assignments.is_empty()
+            || written.config.is_some()
+            || !written.single.assignments.is_empty()
             || method.is_some()
-            || ground.is_some()
+            || ground.ground.is_some()
             || model.is_some()
-            || tile_length.is_some()
-            || trajectory.is_some()
+            || tiles.tile_length.is_some()
+            || tiles.axis.trajectory.is_some()
     }
 }
 
@@ -189,10 +273,10 @@ impl Settings {
 
 impl Machine {
     fn is_any_given(&self) -> bool {
-        !self.assignments().is_empty()
+        !self.flags().is_empty()
     }
 
-    fn assignments(&self) -> Vec<(&'static str, String)> {
+    fn flags(&self) -> Flags {
         let mut all = Vec::new();
         all.extend(self.threads.map(|count| ("run.threads", count.to_string())));
         all.extend(self.memory.map(|mib| ("run.memory_mib", mib.to_string())));
@@ -254,27 +338,54 @@ fn quoted(path: &Path) -> chainage::Result<String> {
     Ok(format!("{text:?}"))
 }
 
+/// Flags as settings.
+type Flags = Vec<(&'static str, String)>;
+
+impl Single {
+    /// The configuration: defaults, preset, file, --set, flags.
+    fn resolve(&self, preset: Option<&str>, file: Option<&Path>, flags: &Flags) -> chainage::Result<Config> {
+        let flags = flags.iter().map(|(key, value)| format!("{key}={value}"));
+        let assignments: Vec<String> = self.assignments.iter().cloned().chain(flags).collect();
+        Ok(Config::with_preset(preset, file, &assignments)?)
+    }
+}
+
+impl GroundFilter {
+    fn flags(&self) -> Flags {
+        self.ground.iter().map(|name| ("ground.method", format!("{name:?}"))).collect()
+    }
+}
+
+impl Tiles {
+    fn flags(&self) -> chainage::Result<Flags> {
+        let length = self.tile_length.map(|metres| ("tiling.tile_length", number(metres)));
+        Ok(length.into_iter().chain(self.axis.flags()?).collect())
+    }
+}
+
+impl AxisSource {
+    fn flags(&self) -> chainage::Result<Flags> {
+        self.trajectory.iter().map(|path| Ok(("axis.trajectory", quoted(path)?))).collect()
+    }
+}
+
 impl Choices {
     /// The configuration with another file, and with `extra` settings.
     pub(crate) fn resolve_over(
         &self,
         file: Option<&Path>,
-        extra: &[(&str, String)],
+        extra: &[(&'static str, String)],
     ) -> chainage::Result<Config> {
-        let mut assignments = self.assignments.clone();
-        let mut set = |key: &str, value: Option<String>| {
-            assignments.extend(value.map(|value| format!("{key}={value}")));
-        };
-        let quoted = |path: &Option<PathBuf>| path.as_deref().map(quoted).transpose();
-        set("cluster.method", self.method.clone().map(|name| format!("{name:?}")));
-        set("ground.method", self.ground.clone().map(|name| format!("{name:?}")));
-        set("street.model", quoted(&self.model)?);
-        set("tiling.tile_length", self.tile_length.map(number));
-        set("axis.trajectory", quoted(&self.trajectory)?);
-        for (key, value) in extra {
-            set(key, Some(value.clone()));
+        let Start { preset, written } = &self.start;
+        let mut flags: Flags =
+            self.method.iter().map(|name| ("cluster.method", format!("{name:?}"))).collect();
+        flags.extend(self.ground.flags());
+        if let Some(model) = &self.model {
+            flags.push(("street.model", quoted(model)?));
         }
-        let config = Config::with_preset(self.preset.as_deref(), file, &assignments)?;
+        flags.extend(self.tiles.flags()?);
+        flags.extend(extra.iter().cloned());
+        let config = written.single.resolve(preset.as_deref(), file, &flags)?;
         let method = &config.cluster.method;
         match &self.model {
             Some(model) if method != STREET => {
@@ -287,7 +398,32 @@ impl Choices {
 
     /// The configuration: defaults, preset, file, --set, flags.
     pub(crate) fn resolve(&self) -> chainage::Result<Config> {
-        self.resolve_over(self.config.as_deref(), &[])
+        self.resolve_over(self.start.written.config.as_deref(), &[])
+    }
+}
+
+impl LookSettings {
+    pub(crate) fn resolve(&self) -> chainage::Result<Config> {
+        let Written { config, single } = &self.written;
+        let flags = [self.axis.flags()?, self.machine.flags()].concat();
+        single.resolve(None, config.as_deref(), &flags)
+    }
+}
+
+impl LabelledSettings {
+    pub(crate) fn resolve(&self) -> chainage::Result<Config> {
+        let Start { preset, written: Written { config, single } } = &self.start;
+        // No drive is run with a model of the settings.
+        let no_model = vec![("street.model", "\"\"".to_owned())];
+        let flags = [self.ground.flags(), self.tiles.flags()?, self.machine.flags(), no_model].concat();
+        single.resolve(preset.as_deref(), config.as_deref(), &flags)
+    }
+}
+
+impl WorkerSettings {
+    /// Those of the run with these settings, as they are used on this machine.
+    pub(crate) fn resolve_over(&self, of_run: &Path) -> chainage::Result<Config> {
+        self.single.resolve(None, Some(of_run), &self.machine.flags())
     }
 }
 
@@ -298,21 +434,9 @@ impl Settings {
     }
 
     /// The configuration: defaults, preset, file, --set, flags.
-    pub(crate) fn resolve(&self, extra: &[(&str, String)]) -> chainage::Result<Config> {
-        let mut all = self.machine.assignments();
-        all.extend(extra.iter().cloned());
-        self.choices.resolve_over(self.choices.config.as_deref(), &all)
-    }
-
-    /// The same over the settings of a run, unless a file is given. The file of a run has all settings, so
-    /// --preset is refused: nothing of it would be left.
-    pub(crate) fn resolve_over(&self, file: &Path) -> chainage::Result<Config> {
-        if let Some(preset) = &self.choices.preset {
-            let refused = ConfigError::value("--preset", preset, "left out: the run has settings of its own");
-            return Err(refused.into());
-        }
-        let file = self.choices.config.as_deref().unwrap_or(file);
-        self.choices.resolve_over(Some(file), &self.machine.assignments())
+    pub(crate) fn resolve(&self, extra: &[(&'static str, String)]) -> chainage::Result<Config> {
+        let all = [&self.machine.flags(), extra].concat();
+        self.choices.resolve_over(self.choices.start.written.config.as_deref(), &all)
     }
 
     /// The settings as arguments of another call of the program, without the flags named in `but`.
@@ -325,19 +449,21 @@ impl Settings {
             }
         };
         let text = |value: &Option<String>| value.as_ref().map(OsString::from);
+        let path = |path: &Option<PathBuf>| path.clone().map(PathBuf::into_os_string);
         let Self { choices, machine } = self;
-        add("preset", text(&choices.preset));
-        add("config", choices.config.clone().map(PathBuf::into_os_string));
-        for assignment in &choices.assignments {
+        let Choices { start: Start { preset, written }, method, ground, model, tiles } = choices;
+        add("preset", text(preset));
+        add("config", path(&written.config));
+        for assignment in &written.single.assignments {
             add("set", Some(assignment.into()));
         }
-        add("method", text(&choices.method));
-        add("ground", text(&choices.ground));
-        add("model", choices.model.clone().map(PathBuf::into_os_string));
+        add("method", text(method));
+        add("ground", text(&ground.ground));
+        add("model", path(model));
         add("threads", machine.threads.map(|count| count.to_string().into()));
         add("memory", machine.memory.map(|mib| format!("{mib}M").into()));
-        add("tile-length", choices.tile_length.map(|metres| metres.to_string().into()));
-        add("trajectory", choices.trajectory.clone().map(PathBuf::into_os_string));
+        add("tile-length", tiles.tile_length.map(|metres| metres.to_string().into()));
+        add("trajectory", path(&tiles.axis.trajectory));
         if machine.no_mmap {
             arguments.push("--no-mmap".into());
         }

@@ -3,7 +3,7 @@
 use chainage::input::unit_symbol;
 use chainage::run::{DriveFacts, look_at};
 
-use crate::cli::drive_args::{Inputs, Settings};
+use crate::cli::drive_args::{Inputs, LookSettings};
 use crate::cli::exit::Outcome;
 use crate::cli::print::JsonOutput;
 use crate::cli::{exit, print};
@@ -15,12 +15,12 @@ pub(crate) struct InfoArgs {
     #[command(flatten)]
     json: JsonOutput,
     #[command(flatten)]
-    settings: Settings,
+    settings: LookSettings,
 }
 
 impl InfoArgs {
     pub(crate) fn run(&self) -> Outcome {
-        let config = self.settings.resolve(&[])?;
+        let config = self.settings.resolve()?;
         let facts = look_at(&self.inputs.files()?, &config)?;
         self.json.show(&facts, || page(&facts))?;
         Ok(exit::DONE)

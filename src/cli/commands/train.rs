@@ -13,7 +13,7 @@ use chainage::run::{
 };
 use chainage::scratch_folder::ScratchFolder;
 
-use crate::cli::drive_args::Settings;
+use crate::cli::drive_args::LabelledSettings;
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::{real, whole};
 use crate::cli::print::{self, deliver};
@@ -39,7 +39,6 @@ const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       
                         chainage train two --onto voxels.model -o my.model --thin 0.5,0.25\n  \
                         chainage run drive.laz -o out --model my.model\n  \
                         chainage train --model my.model --test other_drive.laz",
-    mut_arg("model", as_scored),
     override_usage = USAGE
 )]
 pub(crate) struct TrainArgs {
@@ -53,6 +52,10 @@ pub(crate) struct TrainArgs {
     /// pieces of them, from drives that the model has not learned from; pieces need drives with gt_instance
     #[arg(long, value_name = "MODEL", conflicts_with = "model")]
     onto: Option<PathBuf>,
+    /// Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the
+    /// program
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["drives", "out"], requires = "test")]
+    model: Option<PathBuf>,
     /// Labelled drives to score the model with; nothing is learned from them
     #[arg(long, value_name = "DRIVES", num_args = 1..)]
     test: Vec<PathBuf>,
@@ -67,7 +70,7 @@ pub(crate) struct TrainArgs {
     #[command(flatten)]
     learning: LearningArgs,
     #[command(flatten)]
-    settings: Settings,
+    settings: LabelledSettings,
 }
 
 #[derive(Debug, clap::Args)]
@@ -100,19 +103,7 @@ struct LearningArgs {
     l2: f64,
 }
 
-/// Changes the help of --model: here it names the model to score.
-fn as_scored(model: clap::Arg) -> clap::Arg {
-    model
-        .help(
-            "Score this model with --test, and learn nothing; `built-in` and `built-in-forest` come with the \
-             program",
-        )
-        .help_heading(None)
-        .conflicts_with_all(["drives", "out"])
-        .requires("test")
-}
-
-/// Reads a share of the points.
+/// A share of the points.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share: &f64| *share > 0.0 && *share < 1.0);
     share.ok_or_else(|| format!("{text} is not a share above 0 and below 1"))
@@ -127,7 +118,7 @@ impl TrainArgs {
         self.learns_from_no_test()?;
         let scratch = scratch::folder(self.scratch.as_deref(), "train")?;
         let request = self.request(&scratch)?;
-        let scored = self.settings.choices.model.as_deref();
+        let scored = self.model.as_deref();
         let trained = match (scored, &self.onto) {
             (Some(_), _) => None,
             (None, Some(voxels)) => {
@@ -199,8 +190,7 @@ impl TrainArgs {
         Ok(TrainRequest {
             drives: self.drives.clone(),
             scratch: scratch.path().to_owned(),
-            // The scored model is not loaded by the settings of the runs.
-            config: self.settings.resolve(&[("street.model", "\"\"".to_owned())])?,
+            config: self.settings.resolve()?,
             registries: Registries::default(),
             settings,
             samples: *samples,

@@ -7,7 +7,7 @@ use chainage::run::{CancelToken, PassFigures, Units, memory_budget, work};
 
 use crate::allocator;
 use crate::cli::commands::next;
-use crate::cli::drive_args::Settings;
+use crate::cli::drive_args::WorkerSettings;
 use crate::cli::exit::Outcome;
 use crate::cli::numbers::whole;
 use crate::cli::print::{self, JsonOutput};
@@ -34,7 +34,7 @@ pub(crate) struct WorkArgs {
     #[command(flatten)]
     json: JsonOutput,
     #[command(flatten)]
-    settings: Settings,
+    settings: WorkerSettings,
 }
 
 /// Numbers of units.
