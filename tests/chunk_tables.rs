@@ -189,6 +189,30 @@ fn chunks_beyond_the_count_are_noticed() {
 }
 
 #[test]
+fn a_count_that_the_last_chunk_does_not_have_is_noticed() {
+    for layered in [false, true] {
+        let made = make(layered, false);
+        for count in [3_001_u64, 3_400, 3_499, 3_501, 3_600, 4_000] {
+            let mut bytes = made.bytes.clone();
+            let (at, length) = if layered { (247, 8) } else { (107, 4) };
+            put(&mut bytes, at, &count.to_le_bytes()[..length]);
+            let text = problem(&bytes);
+            let chunk = format!("chunk 3 (points 3000 to {}) cannot be decoded: ", count - 1);
+            assert!(text.contains(&chunk), "{text}");
+            let promised = count - 3_000;
+            let reason = match (layered, count < POINTS as u64) {
+                (true, _) => {
+                    format!("says that it has 500 points, but the header and the table promise {promised}")
+                }
+                (false, true) => format!("the {promised} points that the header and the table promise take "),
+                (false, false) => "damaged data".to_owned(),
+            };
+            assert!(text.contains(&reason), "{text}");
+        }
+    }
+}
+
+#[test]
 fn an_empty_table_counts_as_none() {
     let mut made = make(true, false);
     put(&mut made.bytes, made.table + 4, &[0; 4]);

@@ -135,7 +135,8 @@ impl Coding {
                 records.resize(total.min(start + STEP * self.record_len), 0);
                 decoder.decompress_many(&mut records[start..]).map_err(damaged)?;
             }
-            Ok(())
+            let used = decoder.get_mut().stream_position().map_err(damaged)?;
+            self.check_end(count, used, bytes.len() as u64)
         })
     }
 
@@ -173,6 +174,16 @@ impl Coding {
             return Err(ChunkProblem::Points { promised: count, present: points });
         }
         Ok(())
+    }
+
+    /// Checks that the last point ends a chunk of points coded one after the other, which does not state how
+    /// many they are. The coder writes as many bytes as are read (LASzip, `ArithmeticEncoder::done`). Other
+    /// data may follow points without chunks.
+    fn check_end(&self, count: u32, used: u64, present: u64) -> Result<(), ChunkProblem> {
+        if self.layers.is_some() || self.chunking == Chunking::Whole || used == present {
+            return Ok(());
+        }
+        Err(ChunkProblem::Longer { promised: count, used, present })
     }
 
     fn decoder<'a, R: Read + Seek + Send + Sync + 'a>(

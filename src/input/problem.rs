@@ -206,6 +206,19 @@ pub enum ChunkProblem {
         /// Points by the chunk's own count.
         present: u32,
     },
+    /// Bytes are left after its last point.
+    #[error(
+        "the {promised} points that the header and the table promise take {used} of its {present} bytes, so it has \
+         more points or is damaged"
+    )]
+    Longer {
+        /// Points by header and table of chunks.
+        promised: u32,
+        /// Bytes of these points.
+        used: u64,
+        /// Bytes in the chunk.
+        present: u64,
+    },
     /// The bytes are not valid code, or they end too early.
     #[error("damaged data ({cause})")]
     Damaged {
