@@ -2,7 +2,8 @@
 # Tiled equals untiled, on real and simulated streets: byte for byte over tile lengths and threads and memory, record
 # for record between LAS and LAZ, point for point between one file, five files and shuffled records; and byte for byte
 # with `dbscan` and an estimated epsilon, whose sums go over the whole drive. Without SCENE, also byte for byte over the
-# tile lengths of a synthetic drive of a spinning scanner, with trails of what moves beside parked cars.
+# tile lengths of a synthetic drive of a spinning scanner, with trails of what moves beside parked cars, and of two files whose
+# offsets are beside the lattice, with their cloud-optimised file.
 #
 #     scripts/exactness.sh [FOLDER-OF-SHARED-DATA] [SCENE...]
 #
@@ -172,6 +173,30 @@ compare_spinning() {
     echo "spinning scanner: compared in $((SECONDS - began)) s"
 }
 
+# Coordinates of one file are rounded to the steps of the other, so that some are on the other side of a border of the octree.
+compare_cloud() {
+    local began=$SECONDS tiles
+    mkdir -p "$scratch/in"
+    "$program" synth suburb --length 60m --pulse-rate 100kHz --seed 907 --las -o "$scratch/drive" >/dev/null
+    python3 - "$scratch"/drive/*.las "$scratch/in" <<'PYTHON'
+import struct, sys
+
+points = bytearray(open(sys.argv[1], "rb").read())
+offset = struct.unpack_from("<3d", points, 155)
+for name, beside in ("a", 0.0004), ("b", 0.0006):
+    struct.pack_into("<3d", points, 155, *(value + beside for value in offset))
+    open(f"{sys.argv[2]}/{name}.las", "wb").write(points)
+PYTHON
+    run "$scratch/whole" "$scratch/in" -- --copc --method euclidean --tile-length 1000000 --threads 1 --no-report
+    for tiles in "5 2" "20 1"; do
+        set -- $tiles
+        run "$scratch/tiled" "$scratch/in" -- --copc --method euclidean --tile-length "$1" --threads "$2" --no-report
+        same "$scratch/whole" "$scratch/tiled" "cloud-optimised file, tiles of $1 m, $2 threads"
+        rm -rf "$scratch/tiled"
+    done
+    echo "cloud-optimised file: compared in $((SECONDS - began)) s"
+}
+
 # Two scenes are compared beside each other, because many of the runs have one thread. Each has a folder of its own, in which the
 # number of its runs is left.
 begin() { # FUNCTION ARGUMENTS...
@@ -202,6 +227,7 @@ for scene in "${scenes[@]}"; do
     begin compare_scene "$scene"
 done
 [ -z "$synthetic" ] || begin compare_spinning
+[ -z "$synthetic" ] || begin compare_cloud
 while [ ${#processes[@]} -gt 0 ]; do finish; done
 if [ $failed -ne 0 ]; then
     echo "exactness: FAILED"

@@ -147,7 +147,142 @@ fn a_section_has_its_own_points_only_and_the_file_goes_with_the_next_run_without
     assert!(!out.join(NAME).exists());
 }
 
-/// laspy reads the tree itself: it requests the nodes of a box and of a level.
+/// Files with these points, whose offsets are this many tenths of a millimetre beside a whole millimetre.
+fn beside_whole_steps(folder: &Path, files: &[(&str, &[Point], [f64; 3])]) -> Vec<PathBuf> {
+    let write = |(name, points, tenths): &(&str, &[Point], [f64; 3])| {
+        let path = folder.join(name);
+        let mut bytes = Shape::default().bytes(points);
+        for (axis, tenths) in tenths.iter().enumerate() {
+            let at = 155 + 8 * axis;
+            bytes[at..at + 8].copy_from_slice(&(tenths / 10_000.0).to_le_bytes());
+        }
+        std::fs::write(&path, bytes).expect("a writable folder");
+        path
+    };
+    files.iter().map(write).collect()
+}
+
+/// Checks that every point is in the cube of its node, and returns the number of points.
+fn check_cubes(path: &Path) -> usize {
+    let bytes = std::fs::read(path).expect("the file");
+    let number = |at: usize| f64::from_le_bytes(word(&bytes, at as u64));
+    let info = 375 + 54;
+    let (centre, halfsize) = ([0, 1, 2].map(|axis| number(info + 8 * axis)), number(info + 24));
+    let options = chainage::input::InputOptions { mmap: true, unit: chainage::input::LengthUnit::Auto };
+    let catalog = chainage::input::Catalog::open(&[path.to_owned()], &options).expect("opens");
+    let file = &catalog.files()[0];
+    let nodes: Vec<_> = nodes(&bytes).into_iter().filter(|(_, count)| *count > 0).collect();
+    assert_eq!(nodes.len(), file.blocks().len());
+    let mut all = 0;
+    for (block, (key, count)) in nodes.iter().enumerate() {
+        let mut buffer = Vec::new();
+        let records = file.records(block, chainage::input::Fields::All, &mut buffer).expect("readable");
+        let records = records.chunks_exact(file.layout().record_len);
+        assert_eq!(records.len(), usize::try_from(*count).expect("a count"));
+        all += records.len();
+        let side = 2.0 * halfsize / f64::from(1 << key[0]);
+        for record in records {
+            for axis in 0..3 {
+                let steps = i32::from_le_bytes(word(record, 4 * axis as u64));
+                let at = f64::from(steps) * number(131 + 8 * axis) + number(155 + 8 * axis);
+                let low = centre[axis] - halfsize + f64::from(key[axis + 1]) * side;
+                assert!(low - 1e-9 <= at && at <= low + side + 1e-9, "{key:?}: {at} in {low} + {side}");
+            }
+        }
+    }
+    all
+}
+
+/// Offsets are 0.4 and 0.6 mm beside the lattice. The coordinates that are written then are on the other side
+/// of the border of a cell, for some points.
+#[test]
+fn files_with_offsets_beside_the_lattice_become_one_readable_file() {
+    let folder = scratch();
+    let cloud = |seed: i64| -> Vec<Point> {
+        let ground = (0..70_000).map(|k| {
+            let k = k * 2 + seed;
+            // A tenth of the points are at the borders of cells.
+            let x = if k % 10 < 2 { k * 7_919 % 20 * 1_000 + 999 } else { k * 7_919 % 20_000 };
+            Point::at([x, k * 104_729 % 6_000, k % 40])
+        });
+        let post = (0..80).map(|z| Point::at([4_999 + z % 3, 3_000 + seed, 300 + z * 50]));
+        ground.chain(post).collect()
+    };
+    let points = [cloud(0), cloud(1)];
+    let files = [("a.las", &points[0][..], [4.0; 3]), ("b.las", &points[1][..], [6.0; 3])];
+    let inputs = beside_whole_steps(folder.path(), &files);
+    let mut first: Option<Vec<u8>> = None;
+    for length in [1_000, 5] {
+        let out = folder.path().join(length.to_string());
+        run(&inputs, &out, &[&format!("tiling.tile_length={length}"), "euclidean.min_points=20"]);
+        let bytes = std::fs::read(out.join(NAME)).expect("the file");
+        assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "tiles of {length} m differ");
+        assert_eq!(check_cubes(&out.join(NAME)), 140_160);
+        // The written coordinates have the offset of the first file, to which those of the second are rounded.
+        let mut copies = Labelled::read(&inputs, &out);
+        copies.at = points.iter().flatten().map(|point| point.mm).collect();
+        assert!(multiset(&Labelled::of(&[out.join(NAME)])) == multiset(&copies), "points differ");
+        assert!(copies.label.iter().any(|label| *label > 0), "a post");
+    }
+}
+
+/// Two places 3 km apart in steps of a thousandth of a millimetre: 32 bits of the first offset do not reach
+/// the second.
+#[test]
+fn files_far_apart_get_an_offset_between_them_and_steps_that_reach() {
+    let folder = scratch();
+    let place =
+        |_: i64| -> Vec<Point> { (0..400).map(|n| Point::at([n % 20 * 250, n / 20 * 250, 0])).collect() };
+    let write = |name: &str, east_m: f64, scale: f64| {
+        let path = folder.path().join(name);
+        let mut bytes = Shape::default().bytes(&place(0));
+        for axis in 0..3 {
+            bytes[131 + 8 * axis..139 + 8 * axis].copy_from_slice(&scale.to_le_bytes());
+        }
+        bytes[155..163].copy_from_slice(&east_m.to_le_bytes());
+        std::fs::write(&path, bytes).expect("a writable folder");
+        path
+    };
+    // Records of 0 to 5,000 steps; the boxes of the headers are not believed.
+    let header = |out: &Path| {
+        let bytes = std::fs::read(out.join(NAME)).expect("the file");
+        [131, 155, 179, 187].map(|at| f64::from_le_bytes(word(&bytes, at)))
+    };
+    for (name, apart_m, scale, offset) in [
+        ("the same", 2_000.0, 1e-6, 500_000.0),
+        ("an offset in the middle", 3_000.0, 1e-6, 501_500.002_375),
+        ("steps of the lattice", 9_000.0, 1e-4, 504_500.002_4),
+    ] {
+        let folder = folder.path().join(name);
+        let inputs = [write("a.las", 500_000.0, 1e-6), write("b.las", 500_000.0 + apart_m, 1e-6)];
+        run(&inputs, &folder, &[]);
+        assert_eq!(check_cubes(&folder.join(NAME)), 800, "{name}");
+        let [found_scale, found_offset, highest, lowest] = header(&folder);
+        assert!((found_scale - scale).abs() < 1e-12, "{name}: {found_scale}");
+        assert!((found_offset - offset).abs() < 1e-3, "{name}: {found_offset}");
+        assert!((highest - 500_000.0 - apart_m - 0.004_75).abs() <= scale, "{name}: {highest}");
+        assert!((lowest - 500_000.0).abs() <= scale, "{name}: {lowest}");
+    }
+    // 500 km in steps of 0.1 mm are more than 32 bits.
+    let inputs = [write("a.las", 0.0, 1e-6), write("b.las", 500_000.0, 1e-6)];
+    let planned = chainage::run::plan_of(
+        &inputs,
+        None,
+        &crate::util::drive::config(&settings(&["output.files=[\"copc\"]"])),
+        &chainage::run::Registries::default(),
+    );
+    let ran = drive(&inputs, &folder.path().join("refused"), &settings(&["output.files=[\"copc\"]"]));
+    let texts = [planned.expect_err("refused").to_string(), ran.expect_err("refused").to_string()];
+    for text in texts {
+        assert!(
+            text.contains("up to 500000 m apart in x") && text.contains("0.0001 m reach 429497 m"),
+            "{text}"
+        );
+    }
+    assert!(!folder.path().join("refused/objects.csv").exists());
+}
+
+/// laspy reads the tree by itself: it asks for the nodes of a box and of a level.
 #[test]
 fn laspy_reads_the_file() {
     let folder = scratch();

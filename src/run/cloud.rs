@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::model::Kind;
 use crate::output::LabelledFile;
 use crate::output::points::copc::{CopcFormat, Cube};
-use crate::run::drive::Tiled;
+use crate::run::drive::{Surveyed, Tiled};
 use crate::run::engine::{Driver, Outline};
 use crate::run::finish::names::{self, CLOUD};
 use crate::run::open::Opened;
@@ -26,6 +26,18 @@ pub(crate) struct Cloud<'a> {
     pub(crate) outlines: &'a [Outline; 2],
 }
 
+/// What its records look like.
+///
+/// # Errors
+/// [`crate::output::OutputError::Copc`] if the points are too far apart for one file.
+pub(crate) fn format<'a>(open: &'a Opened<'_>, surveyed: &Surveyed) -> Result<CopcFormat<'a>> {
+    let method = open.chain.method.as_ref();
+    let (low, high) = surveyed.extent();
+    let frame = (open.drive.lattice(), [low, high]);
+    let dimension = names::dimension(open.config, method);
+    Ok(CopcFormat::of(open.drive.catalog.files(), frame, dimension, method.classifies())?)
+}
+
 impl Cloud<'_> {
     /// Its passes.
     pub(crate) fn outlines(export: &Outline) -> [Outline; 2] {
@@ -38,9 +50,7 @@ impl Cloud<'_> {
     pub(crate) fn complete<D: Driver>(&self, driver: &mut D) -> Result<Option<()>> {
         let Self { open, tiled, run_dir, .. } = self;
         let drive = tiled.drive;
-        let method = open.chain.method.as_ref();
-        let dimension = names::dimension(open.config, method);
-        let format = CopcFormat::of(drive.catalog.files(), dimension, method.classifies())?;
+        let format = format(open, tiled.surveyed)?;
         let columns = self.columns(&format);
         let [outline, nodes] = self.outlines.clone();
         let points = CopcPointsPass {
@@ -59,6 +69,7 @@ impl Cloud<'_> {
         let pass = CopcNodesPass {
             drive,
             columns: &columns,
+            with_points: grouped.columns(),
             grouped: &grouped,
             format: &format,
             path: &path,

@@ -9,7 +9,7 @@ use crate::cluster::{DriveWindow, Figures, Method};
 use crate::error::Result;
 use crate::model::TileId;
 use crate::output::LabelledFile;
-use crate::run::cloud::Cloud;
+use crate::run::cloud::{self, Cloud};
 use crate::run::drive::{Surveyed, Tiled};
 use crate::run::engine::{Driver, Event, Outline};
 use crate::run::error::RunError;
@@ -86,6 +86,10 @@ pub(crate) fn plan<D: Driver>(
     driver: &mut D,
     surveyed: Surveyed,
 ) -> Result<Option<Planned>> {
+    if open.config.output.writes("copc") {
+        // Refused before anything is computed.
+        cloud::format(open, &surveyed)?;
+    }
     let budget = open.budget.beside(surveyed.held_bytes());
     driver.limit_memory(budget.memory);
     let plan = plan::settle(driver, &surveyed, &open.drive, &open.chain, open.config, &budget)?;

@@ -30,6 +30,12 @@ impl<K: Copy + Ord> Groups<K> {
         let end = self.first.get(at + 1).map_or(self.end, |next| next.1);
         self.first[at].1 * stride as u64..end * stride as u64
     }
+
+    /// The groups, and the number of points of each.
+    pub(crate) fn counts(&self) -> impl Iterator<Item = (K, u64)> {
+        let ends = self.first.iter().skip(1).map(|(_, at)| *at).chain([self.end]);
+        self.first.iter().zip(ends).map(|((group, at), end)| (*group, end - at))
+    }
 }
 
 #[cfg(test)]
@@ -42,6 +48,8 @@ mod tests {
         assert_eq!(groups.bytes(2, 10), 0..20);
         assert_eq!(groups.bytes(5, 10), 20..30);
         assert_eq!(groups.bytes(7, 10), 30..60);
+        assert_eq!(groups.counts().collect::<Vec<_>>(), [(2, 2), (5, 1), (7, 3)]);
+        assert_eq!(Groups::<u32>::of([]).counts().count(), 0);
         assert!(groups.bytes(3, 10).is_empty() && Groups::of([]).bytes(3, 10).is_empty());
     }
 }

@@ -8,8 +8,8 @@ use serde::Serialize;
 use crate::config::{Config, OutputFormat};
 use crate::error::Result;
 use crate::input::InputFile;
-use crate::output::points::copc::CopcFormat;
 use crate::run::chain::{Chain, Registries};
+use crate::run::cloud;
 use crate::run::computed;
 use crate::run::drive::{AxisFacts, Surveyed, Tiled};
 use crate::run::engine::InMemory;
@@ -111,11 +111,7 @@ pub fn plan_of(
     let in_flight: u64 = needs.iter().take(budget.threads).sum();
     let ground_points = tiles.iter().map(|tile| tile.points_read).sum();
     let cloud_scratch_bytes = match config.output.writes("copc") {
-        true => {
-            let dimension = names::dimension(config, chain.method.as_ref());
-            let format = CopcFormat::of(drive.catalog.files(), dimension, chain.method.classifies())?;
-            Some(points * (format.record_len() as u64 + 4))
-        }
+        true => Some(points * (cloud::format(&open, &surveyed)?.record_len() as u64 + 4)),
         false => None,
     };
     let seconds = work(&open, &plan, &budget, survey_s, ground_points).seconds();

@@ -52,6 +52,8 @@ pub(crate) struct CopcNodesPass<'a> {
     pub(crate) drive: &'a Drive,
     pub(crate) columns: &'a Columns,
     pub(crate) grouped: &'a GroupedPoints,
+    /// The columns with points, and the number of their points. A unit completes one of them.
+    pub(crate) with_points: Vec<(usize, u64)>,
     pub(crate) format: &'a CopcFormat<'a>,
     /// Where the file is written.
     pub(crate) path: &'a Path,
@@ -65,18 +67,23 @@ impl CopcNodesPass<'_> {
     /// The place of each record of a column in the octree.
     fn spots(&self, ids: &[PointId], records: &[u8]) -> Vec<(Spot, u64)> {
         let to_tree = self.format.to_tree(self.drive.lattice());
-        let spot = |record: &[u8]| self.columns.cube.place(to_tree.apply(record_xyz(record)));
+        let spot = |record: &[u8]| self.columns.cube.place(to_tree.parts(record_xyz(record)));
         let records = records.chunks_exact(self.format.record_len());
         records.zip(ids).map(|(record, id)| (spot(record), rank(*id))).collect()
     }
 
-    /// The points of a column with the node that shows each, in the order of the keys of the nodes.
+    /// The level of the column that a unit completes.
+    fn level(&self, unit: usize) -> u32 {
+        self.columns.list.level(self.with_points[unit].0)
+    }
+
+    /// The points of every node that has some of a column, in the order of the keys.
     fn nodes(&self, column: u32, ids: &[PointId], spots: &[(Spot, u64)]) -> Vec<(NodeKey, u32)> {
         let wins = |point: usize, level: u32| {
             let best = self.grouped.winners.get(&(level, spots[point].0.cell(level)));
             best.is_some_and(|(_, id)| *id == ids[point].number())
         };
-        let found = levels(column, spots, wins);
+        let found = levels(column, spots, &self.columns.leaf_levels(spots), wins);
         let mut nodes: Vec<(NodeKey, u32)> =
             found.iter().zip(spots).map(|(level, (spot, _))| spot.node(*level)).zip(0..).collect();
         // Points of a column are in the order of their numbers.
@@ -97,7 +104,8 @@ impl CopcNodesPass<'_> {
         Ok(places)
     }
 
-    /// The chunk of a node.
+    /// The chunk of a node. A node that is not above the columns is complete in one of them; of others, the
+    /// columns pass on their points.
     fn chunk(
         &self,
         compression: &Compression,
@@ -105,9 +113,13 @@ impl CopcNodesPass<'_> {
         parts: &[(usize, Range<u64>, u32)],
         readers: &mut Readers<'_>,
     ) -> Result<(u32, Vec<u8>)> {
-        if let [(unit, range, points)] = parts
-            && self.columns.list[*unit].0 <= key.level
-        {
+        if parts.iter().any(|(unit, ..)| self.level(*unit) <= key.level) {
+            let [(unit, range, points)] = parts else {
+                return Err(Error::bug(format!(
+                    "{} columns have the node {key:?}, which one owns",
+                    parts.len()
+                )));
+            };
             return Ok((*points, readers.read(*unit, range)?));
         }
         let stride = size_of::<u64>() + self.format.record_len();
@@ -160,11 +172,11 @@ impl Pass for CopcNodesPass<'_> {
     }
 
     fn units(&self) -> usize {
-        self.columns.list.len()
+        self.with_points.len()
     }
 
     fn points(&self, unit: usize) -> u64 {
-        self.columns.list[unit].1
+        self.with_points[unit].1
     }
 
     fn bytes(&self, unit: usize) -> u64 {
@@ -172,9 +184,9 @@ impl Pass for CopcNodesPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let (column, _) = self.columns.list[unit];
+        let column = self.level(unit);
         let record_len = self.format.record_len();
-        let (ids, records) = self.grouped.of_column(unit, record_len)?;
+        let (ids, records) = self.grouped.of_column(self.with_points[unit].0, record_len)?;
         let spots = self.spots(&ids, &records);
         let nodes = self.nodes(column, &ids, &spots);
         drop(spots);
@@ -208,13 +220,21 @@ impl Pass for CopcNodesPass<'_> {
         let places = self.places(payloads)?;
         let compression = Compression::of(self.format)?;
         let mut readers = Readers { payloads, open: None };
+        let mut written = 0;
         let chunks = places.iter().map(|(key, parts)| -> Result<_> {
             let (points, bytes) = self.chunk(&compression, *key, parts, &mut readers)?;
+            written += u64::from(points);
             Ok((*key, points, bytes))
         });
         let failed = |source| OutputError::Write { path: self.path.to_owned(), source };
         let mut file = whole_file::WholeFile::create(self.path).map_err(failed)?;
-        self.schema(&self.grouped.totals).write(chunks, &mut file, failed)?;
+        let totals = &self.grouped.totals;
+        self.schema(totals).write(chunks, &mut file, failed)?;
+        if written != totals.records {
+            let path = self.path.display();
+            let text = format!("the nodes of {path} have {written} points, its header {}", totals.records);
+            return Err(Error::bug(text));
+        }
         Ok(file.finish().map_err(failed)?)
     }
 }

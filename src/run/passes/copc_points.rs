@@ -16,12 +16,14 @@ use crate::error::Result;
 use crate::input::Fields;
 use crate::model::{Kind, PointId, in_u32, record_xyz};
 use crate::output::LabelledFile;
-use crate::output::points::copc::{CopcFormat, Cube, LEAF_POINTS, Totals, rank, undecided_levels};
+use crate::output::points::copc::{
+    CopcFormat, Cube, LEAF_POINTS, Spot, Squares, Totals, leaf_levels, rank, undecided_levels,
+};
 use crate::run::drive::{BlockRun, Drive, Groups};
 use crate::run::engine::{Outline, Pass, Payloads, Sections};
 use crate::run::passes::copies::{Labels, Shown};
 use crate::run::passes::relabel::PointColumns;
-use crate::spatial::{Cell, CellMap, PackedCells};
+use crate::spatial::{Cell, PackedCells};
 use crate::store::Inputs;
 
 const NUMBER: u32 = 8;
@@ -35,60 +37,56 @@ const NUMBER_BYTES: usize = 4;
 /// The group of points that are not shown.
 const NOWHERE: u32 = u32::MAX;
 
+/// What the bytes of a unit mean. 2: columns follow from the written coordinates.
+const EPOCH: u32 = 2;
+
 /// The points depend on the values of all points and on the settings of the output, as the labelled copies
 /// do. Their columns follow from the tiles, on which these values depend.
 pub(crate) fn outline(export: &Outline) -> Outline {
-    Outline::new(NUMBER, NAME, Inputs::new().with("pass export", export.depends.fingerprint()))
+    let depends = Inputs::new().with("pass export", export.depends.fingerprint());
+    Outline::new(NUMBER, NAME, depends.with("copc epoch", EPOCH))
 }
 
-/// The columns of the octree that are completed one at a time.
+/// The columns of the octree that are completed one at a time, and where the octree ends.
 #[derive(Debug)]
 pub(crate) struct Columns {
     pub(crate) cube: Cube,
-    /// Level and number of points of each.
-    pub(crate) list: Vec<(u32, u64)>,
-    /// The column of each cell of the raster, counted from 1.
-    of_cells: PackedCells,
+    /// The columns.
+    pub(crate) list: Squares,
+    /// The squares below which the tree ends. They follow from the points of the cells alone.
+    leaves: Squares,
 }
 
 impl Columns {
     /// Divides a cube into columns until they have at most `most` points, or are single cells. No column is
     /// below a leaf of the octree, whatever `most` is.
     pub(crate) fn of(cube: Cube, cells: &PackedCells, edge: i64, most: u64) -> Self {
-        let most = most.max(LEAF_POINTS as u64);
-        let deepest = cube.raster_level(edge);
+        let level = cube.raster_level(edge);
         let from = [0, 1].map(|axis| cube.origin[axis].div_euclid(edge));
         let digits =
             |cell: Cell| [0, 1].map(|axis| (i64::from(cell[axis]) - from[axis]).max(0).cast_unsigned());
-        let code = |cell: Cell| {
-            let [x, y] = digits(cell);
-            (0..deepest).rev().fold(0_u64, |code, digit| code << 2 | (x >> digit & 1) << 1 | (y >> digit & 1))
-        };
-        let mut order: Vec<(u64, u64, Cell)> =
-            cells.iter().map(|(cell, points)| (code(cell), u64::from(points), cell)).collect();
-        order.sort_unstable();
-        let mut list = Vec::new();
-        let mut of_cells = CellMap::default();
-        let mut open = vec![(0_u32, &order[..])];
-        while let Some((level, rest)) = open.pop() {
-            let points: u64 = rest.iter().map(|(_, points, _)| points).sum();
-            if points <= most || level >= deepest {
-                list.push((level, points));
-                let number = in_u32(list.len(), "columns of the octree");
-                rest.iter().for_each(|(_, _, cell)| *of_cells.entry(*cell) = number);
-                continue;
-            }
-            let of_level = |code: u64| code >> (2 * (deepest - level - 1));
-            open.extend(
-                rest.chunk_by(|a, b| of_level(a.0) == of_level(b.0)).rev().map(|part| (level + 1, part)),
-            );
-        }
-        Self { cube, list, of_cells: PackedCells::from(of_cells) }
+        let mut counts: Vec<(u64, u64)> =
+            cells.iter().map(|(cell, points)| (Squares::code(level, digits(cell)), points.into())).collect();
+        counts.sort_unstable();
+        let leaf = LEAF_POINTS as u64;
+        let divide = |most: u64| Squares::divide(&counts, level, most);
+        Self { cube, list: divide(most.max(leaf)), leaves: divide(leaf) }
+    }
+
+    /// The column of a place.
+    fn of_place(&self, spot: Spot) -> usize {
+        self.list.of(spot.square(self.list.cells()))
+    }
+
+    /// The level at which the tree ends, for each point of a column.
+    pub(super) fn leaf_levels(&self, points: &[(Spot, u64)]) -> Vec<u32> {
+        let cells = self.leaves.cells();
+        leaf_levels(points, cells, |spot| self.leaves.level(self.leaves.of(spot.square(cells))))
     }
 
     /// Levels at which some column cannot decide alone.
     fn undecided(&self) -> u32 {
-        self.list.iter().map(|(level, _)| undecided_levels(*level)).max().unwrap_or(0)
+        undecided_levels(self.list.deepest())
     }
 }
 
@@ -123,6 +121,17 @@ struct GroupedUnit {
 }
 
 impl GroupedPoints {
+    /// The columns with points, ascending, and the number of their points.
+    pub(crate) fn columns(&self) -> Vec<(usize, u64)> {
+        let mut points = BTreeMap::new();
+        for (column, count) in self.units.iter().flat_map(|unit| unit.groups.counts()) {
+            if column != NOWHERE {
+                *points.entry(column as usize).or_insert(0) += count;
+            }
+        }
+        points.into_iter().collect()
+    }
+
     /// The points of a column: their numbers, and their records one after the other.
     pub(super) fn of_column(&self, column: usize, record_len: usize) -> Result<(Vec<PointId>, Vec<u8>)> {
         let (mut ids, mut records) = (Vec::new(), Vec::new());
@@ -171,7 +180,6 @@ impl CopcPointsPass<'_> {
         let first = input.blocks()[run.blocks.start].first_record;
         let first_id = self.drive.first_id(run.file, run.blocks.start);
         let undecided = self.columns.undecided();
-        let mut owners = self.columns.of_cells.cursor();
         let (mut columns, mut bytes) = (Vec::new(), Vec::new());
         let (mut totals, mut winners) = (Totals::default(), Winners::new());
         let (mut buffer, mut new) = (Vec::new(), Vec::new());
@@ -184,23 +192,24 @@ impl CopcPointsPass<'_> {
             labelled.label(records, &labels.objects, &labels.classes, &labels.kinds, &mut new);
             let numbers = in_u32(block_run.first_record - first, "records of a unit")..;
             for (at, (number, record)) in numbers.zip(new.chunks_exact(labelled.record_len())).enumerate() {
-                let place = transform.apply(record_xyz(record));
-                let column = self.drive.grid.cell(place[0], place[1]).map_or(0, |cell| owners.get(cell));
-                let shown = column > 0 && self.shown.contains(place);
-                columns.push(if shown { column - 1 } else { NOWHERE });
                 bytes.extend(number.to_le_bytes());
                 let start = bytes.len();
                 let class = record[layout.classification] & layout.classification_mask;
                 let kind = labels.kinds.get(at).map_or(0, |kind| kind.class);
                 conversion.append(record, class, labels.objects[at], kind, &mut bytes)?;
-                if !shown {
+                // A section has the points that its tiles own, whose coordinates are those of the input.
+                if !self.shown.contains(transform.apply(record_xyz(record))) {
+                    columns.push(NOWHERE);
                     continue;
                 }
                 totals.add(&bytes[start..]);
+                // Everything in the octree follows from the written coordinates: rounded to another scale and
+                // offset, they can be on the other side of a border.
+                let spot = self.columns.cube.place(to_tree.parts(record_xyz(&bytes[start..])));
+                columns.push(in_u32(self.columns.of_place(spot), "columns of the octree"));
                 if undecided > 0 {
                     let id = first_id + u64::from(number);
-                    let place = to_tree.apply(record_xyz(&bytes[start..]));
-                    let (spot, rank) = (self.columns.cube.place(place), rank(id));
+                    let rank = rank(id);
                     for level in 0..undecided {
                         improve(&mut winners, (level, spot.cell(level)), (rank, id.number()));
                     }
@@ -265,35 +274,5 @@ impl Pass for CopcPointsPass<'_> {
             units.push(GroupedUnit { first_id, groups: found.groups });
         }
         Ok(GroupedPoints { units, points: Sections::of(payloads.clone(), POINTS), totals, winners })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn columns_own_every_cell_once_and_are_as_small_as_asked() {
-        let mut cells = CellMap::default();
-        for i in 0..300 {
-            for j in 0..3 {
-                *cells.entry([i - 50, j + 7]) = 400 + 200 * u32::from(i > 200);
-            }
-        }
-        let cells = PackedCells::from(cells);
-        let cube = Cube::around([[-50_000, 7_000, 0], [249_999, 9_999, 3_000]], 1_000);
-        let all: u64 = cells.iter().map(|(_, points)| u64::from(points)).sum();
-        for most in [1, 60_000, 100_000, u64::MAX] {
-            let columns = Columns::of(cube, &cells, 1_000, most);
-            assert_eq!(columns.list.iter().map(|column| column.1).sum::<u64>(), all);
-            let mut points = vec![0; columns.list.len()];
-            for (cell, count) in cells.iter() {
-                points[columns.of_cells.get(cell) as usize - 1] += u64::from(count);
-            }
-            assert!(columns.list.iter().zip(&points).all(|((_, listed), points)| listed == points));
-            let most = most.max(LEAF_POINTS as u64);
-            assert!(columns.list.iter().all(|(level, points)| *points <= most || *level == 9), "{columns:?}");
-            assert_eq!(columns.list.len() == 1, most >= all);
-        }
     }
 }

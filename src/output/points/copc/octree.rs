@@ -1,12 +1,15 @@
 //! The octree of a cloud-optimised point cloud: which point belongs to which node, independently of the order
 //! and the division of the points.
 //!
-//! A node has a grid of 128 cells along each axis. Of all points of the drive in a cell, the node shows the
-//! one with the smallest rank (a hash of its number), unless a coarser node already shows it: the level of a
-//! point is the first level at which no point in its cell has a smaller rank. This rule needs no order. At a
-//! column (a square of the plane) with few points, the tree ends, and the nodes of the column take all
-//! remaining points. Columns count points of the whole drive. So the tree is a function of the points alone,
-//! and the columns in which it is built can be chosen by memory.
+//! A node has a grid of 128 cells a side. Of all points of the drive in a cell, the one with the smallest
+//! rank (a hash of its number) is shown by the node, unless a coarser node shows it already: the level of a
+//! point is the first one where no point in its cell has a smaller rank. That needs no order. Below a square
+//! of the plane with few points, the tree ends, and its node takes what is left. Down to the cells of the
+//! raster, the squares count the points of the raster ([`super::squares`]); below, they count the points
+//! themselves. Both counts are of the whole drive, so the tree is a function of the points alone, and the
+//! columns in which it is built can be chosen by memory.
+//!
+//! The place of a point is that of its written coordinates, because a reader looks for them in its node.
 
 use crate::model::{GOLDEN_GAMMA, PointId, splitmix64};
 
@@ -37,6 +40,11 @@ impl NodeKey {
     }
 }
 
+/// Binary digits of a place below a lattice unit. The corners of nodes are whole numbers of these parts for
+/// 13 levels below cells of 1,000 units, which no node of a drive is below. So a place is in the node that
+/// its parts are in.
+pub(crate) const PART_DIGITS: u32 = 10;
+
 /// A cube around all points, in lattice units.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Cube {
@@ -58,11 +66,14 @@ impl Cube {
         Self { origin, side }
     }
 
-    /// The place of a point in the cube.
-    pub(crate) fn place(&self, point: [i64; 3]) -> Spot {
+    /// The place in the cube of a point, whose coordinates are in parts of a lattice unit.
+    pub(crate) fn place(&self, parts: [i64; 3]) -> Spot {
         let digits = |axis: usize| {
-            let along = i128::from(point[axis] - self.origin[axis]) << DIGITS;
-            u32::try_from(along / i128::from(self.side)).unwrap_or(u32::MAX)
+            let along = i128::from(parts[axis]) - (i128::from(self.origin[axis]) << PART_DIGITS);
+            let place = (along << (DIGITS - PART_DIGITS)).div_euclid(i128::from(self.side));
+            // The cube is around all points (`CopcFormat::extent_in_tree`).
+            debug_assert!(u32::try_from(place).is_ok(), "{parts:?} outside {self:?}");
+            u32::try_from(place.max(0)).unwrap_or(u32::MAX)
         };
         Spot::of([digits(0), digits(1), digits(2)])
     }
@@ -150,10 +161,15 @@ pub(crate) fn undecided_levels(column_level: u32) -> u32 {
     column_level.saturating_sub(GRID_DIGITS)
 }
 
-/// The level of each point of a column of level `column`. `wins` says whether a point has the smallest rank
-/// of all points in its cell of a level that [`undecided_levels`] counts.
-pub(crate) fn levels(column: u32, points: &[(Spot, u64)], wins: impl Fn(usize, u32) -> bool) -> Vec<u32> {
-    let leaves = leaf_levels(column, points);
+/// The level of each point of a column of level `column`. `leaves` are the levels at which the tree ends, by
+/// point. `wins` says whether a point has the smallest rank of all points in its cell of a level that
+/// [`undecided_levels`] counts.
+pub(crate) fn levels(
+    column: u32,
+    points: &[(Spot, u64)],
+    leaves: &[u32],
+    wins: impl Fn(usize, u32) -> bool,
+) -> Vec<u32> {
     let undecided = undecided_levels(column);
     let mut order: Vec<u32> = (0_u32..).take(points.len()).collect();
     order.sort_unstable_by_key(|&point| points[point as usize]);
@@ -178,29 +194,33 @@ pub(crate) fn levels(column: u32, points: &[(Spot, u64)], wins: impl Fn(usize, u
     level
 }
 
-/// The level at which the tree ends, for each point.
-fn leaf_levels(column: u32, points: &[(Spot, u64)]) -> Vec<u32> {
-    let mut leaves = vec![column; points.len()];
-    let mut flat: Vec<(u64, u32)> = points.iter().map(|(spot, _)| spot.flat()).zip(0..).collect();
+/// The level at which the tree ends, for each point of a column. `above` is the level of the square of the
+/// raster in which a point is; where that is a cell, of level `cells`, the points of the cell decide.
+pub(crate) fn leaf_levels(points: &[(Spot, u64)], cells: u32, above: impl Fn(Spot) -> u32) -> Vec<u32> {
+    let mut leaves: Vec<u32> = points.iter().map(|(spot, _)| above(*spot)).collect();
+    let whole = points.iter().zip(&leaves).zip(0_u32..).filter(|((_, level), _)| **level >= cells);
+    let mut flat: Vec<(u64, u32)> = whole.map(|(((spot, _), _), point)| (spot.flat(), point)).collect();
     flat.sort_unstable();
-    let mut open: Vec<(u32, &[(u64, u32)])> = vec![(column, &flat)];
-    while let Some((level, mut rest)) = open.pop() {
-        if rest.len() <= LEAF_POINTS || level >= DEEPEST {
-            rest.iter().for_each(|(_, point)| leaves[*point as usize] = level);
+    let of_level = |flat: u64, level: u32| flat.checked_shr(2 * (DIGITS - level)).unwrap_or(0);
+    let in_cell = |a: &(u64, u32), b: &(u64, u32)| of_level(a.0, cells) == of_level(b.0, cells);
+    let mut open: Vec<(u32, &[(u64, u32)])> = flat.chunk_by(in_cell).map(|part| (cells, part)).collect();
+    while let Some((level, part)) = open.pop() {
+        if part.len() <= LEAF_POINTS || level >= DEEPEST {
+            part.iter().for_each(|(_, point)| leaves[*point as usize] = level);
             continue;
         }
-        let column_of = |flat: u64| flat >> (2 * (DIGITS - level - 1));
-        while let Some(first) = rest.first() {
-            let end = rest.partition_point(|other| column_of(other.0) <= column_of(first.0));
-            let (part, after) = rest.split_at(end);
-            open.push((level + 1, part));
-            rest = after;
-        }
+        let parts = part.chunk_by(|a, b| of_level(a.0, level + 1) == of_level(b.0, level + 1));
+        open.extend(parts.map(|part| (level + 1, part)));
     }
     leaves
 }
 
 impl Spot {
+    /// The code of its square of a level of the plane: the first digits of x and y, interleaved.
+    pub(crate) fn square(self, level: u32) -> u64 {
+        self.flat().checked_shr(2 * (DIGITS - level)).unwrap_or(0)
+    }
+
     /// The digits of x and y, interleaved.
     fn flat(self) -> u64 {
         let [x, y, _] = self.at();
@@ -241,16 +261,17 @@ mod tests {
 
     #[test]
     fn a_place_is_found_again_in_its_nodes() {
+        let place = |cube: Cube, point: [i64; 3]| cube.place(point.map(|value| value << PART_DIGITS));
         let cube = Cube::around([[-3_500, 12_300, 40], [9_000, 20_000, 5_000]], 1_000);
         assert_eq!(cube, Cube { origin: [-4_000, 12_000, 0], side: 16_000 });
         assert_eq!(cube.raster_level(1_000), 4);
-        let spot = cube.place([8_999, 12_000, 4_100]);
+        let spot = place(cube, [8_999, 12_000, 4_100]);
         assert_eq!(spot.node(0), NodeKey { level: 0, at: [0; 3] });
         assert_eq!(spot.node(4), NodeKey { level: 4, at: [12, 0, 4] });
         assert_eq!(spot.node(4).parent(), Some(spot.node(3)));
         assert_eq!(spot.node(0).parent(), None);
         // One cell of the grid of the root is 125 mm.
-        let near = cube.place([8_990, 12_000, 4_100]);
+        let near = place(cube, [8_990, 12_000, 4_100]);
         assert_eq!((spot.cell(0) == near.cell(0), spot.cell(5) == near.cell(5)), (true, false));
         assert_eq!(
             spot.level_apart(near),
@@ -268,8 +289,11 @@ mod tests {
             let spread = n * n * 7_919 % 256_000;
             [spread * spread / 256_000, n * 104_729 % 256_000 * (n % 3) / 2, n * 31 % 9_000]
         };
-        let points: Vec<(Spot, u64)> =
-            (0..160_000).map(|n| (cube.place(place(n)), rank(PointId::new(n.unsigned_abs())))).collect();
+        let points: Vec<(Spot, u64)> = (0..160_000)
+            .map(|n| {
+                (cube.place(place(n).map(|value| value << PART_DIGITS)), rank(PointId::new(n.unsigned_abs())))
+            })
+            .collect();
         let mut best: Vec<BTreeMap<u128, u64>> = vec![BTreeMap::new(); 12];
         for (spot, rank) in &points {
             for (level, cells) in best.iter_mut().enumerate() {
@@ -277,8 +301,8 @@ mod tests {
                 *cell = (*cell).min(*rank);
             }
         }
-        let whole = levels(0, &points, |_, _| false);
-        let leaves = leaf_levels(0, &points);
+        let leaves = leaf_levels(&points, 0, |_| 0);
+        let whole = levels(0, &points, &leaves, |_, _| false);
         assert!(leaves.iter().max() >= Some(&2) && leaves.iter().min() < leaves.iter().max());
         for (point, (spot, rank)) in points.iter().enumerate() {
             let first = (0..12).find(|&level| best[level as usize][&spot.cell(level)] == *rank).unwrap_or(12);
@@ -293,7 +317,9 @@ mod tests {
             // Only columns that are not below a leaf of a coarser level, as in a run.
             for members in parts.values().filter(|members| leaves[members[0]] >= column) {
                 let part: Vec<_> = members.iter().map(|&point| points[point]).collect();
-                let found = levels(column, &part, |_, _| false);
+                let of_part = leaf_levels(&part, column, |_| column);
+                assert!(members.iter().zip(&of_part).all(|(&point, leaf)| leaves[point] == *leaf));
+                let found = levels(column, &part, &of_part, |_, _| false);
                 assert!(members.iter().zip(&found).all(|(&point, level)| whole[point] == *level));
             }
         }
@@ -302,13 +328,20 @@ mod tests {
     #[test]
     fn large_cells_are_decided_by_all_columns() {
         let cube = Cube::around([[0; 3], [1_023_000, 1_023_000, 0]], 1_000);
-        let points: Vec<(Spot, u64)> =
-            (0..40).map(|n| (cube.place([n * 20, n * 7, 0]), rank(PointId::new(n.unsigned_abs())))).collect();
+        let points: Vec<(Spot, u64)> = (0..40)
+            .map(|n| {
+                (
+                    cube.place([n * 20, n * 7, 0].map(|value: i64| value << PART_DIGITS)),
+                    rank(PointId::new(n.unsigned_abs())),
+                )
+            })
+            .collect();
         assert_eq!((undecided_levels(7), undecided_levels(9)), (0, 2));
         let smallest = (0..40).min_by_key(|&point| points[point].1).unwrap();
         // The column is a leaf, but one of its points may be shown by coarser nodes.
-        assert!(levels(9, &points, |_, _| false).iter().all(|level| (2..=9).contains(level)));
-        let found = levels(9, &points, |point, level| point == smallest && level >= 1);
+        let leaves = [9; 40];
+        assert!(levels(9, &points, &leaves, |_, _| false).iter().all(|level| (2..=9).contains(level)));
+        let found = levels(9, &points, &leaves, |point, level| point == smallest && level >= 1);
         assert!(found[smallest] == 1 && found.iter().filter(|level| **level < 2).count() == 1, "{found:?}");
     }
 }

@@ -1,8 +1,9 @@
 //! A point of the cloud-optimised file: its record in point format 6, 7 or 8, made from a record of any
 //! format, followed by the object and its class.
 
+use super::octree::PART_DIGITS;
 use crate::input::{InputFile, RecordLayout};
-use crate::model::{AxisTransform, Lattice, LatticeTransform};
+use crate::model::{AxisTransform, Lattice};
 use crate::output::error::OutputError;
 use crate::output::points::descriptor::ExtraType;
 use crate::output::points::record::OBJECT_CLASS;
@@ -12,6 +13,10 @@ use crate::output::points::record::OBJECT_CLASS;
 const STEPS_PER_DEGREE: f64 = 1.0 / 0.006;
 /// Bytes of format 6. Formats 7 and 8 add colours after them.
 const BASE: usize = 30;
+/// Bit of the global encoding: GPS times are adjusted standard times, and not of the week.
+const STANDARD_TIME: u16 = 1;
+/// The largest number of steps from the offset: 2^31 less some for rounding.
+const MOST_STEPS: f64 = (i32::MAX - 8) as f64;
 
 /// The format of the records of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +31,8 @@ pub(crate) struct CopcFormat<'a> {
     plan_unit_m: f64,
     /// Metres per world unit of z.
     height_unit_m: f64,
+    /// Lattice units by which written coordinates can be further out than those of the lattice, per axis.
+    slack: [i64; 3],
     /// Whether GPS times are adjusted standard times.
     pub(crate) standard_time: bool,
     /// Dimensions after the fields of the format: the object, and its class if the method gives one.
@@ -45,19 +52,30 @@ fn colours(point_format: u8) -> (Option<usize>, Option<usize>) {
 
 impl<'a> CopcFormat<'a> {
     /// The format that keeps coordinates and colours of all files: the finest scale of each axis, and the
-    /// offset of the first file.
+    /// offset of the first file. If `extent`, on the lattice, is too large for these, the offset is in the
+    /// middle. If it still is too large, the scale is the step of the lattice.
     ///
     /// # Errors
-    /// [`OutputError::Copc`] without files.
-    pub(crate) fn of(files: &[InputFile], dimension: &'a str, classifies: bool) -> Result<Self, OutputError> {
+    /// [`OutputError::Copc`] without files, and if the extent is too large for the lattice.
+    pub(crate) fn of(
+        files: &[InputFile],
+        (lattice, extent): (Lattice, [[i64; 3]; 2]),
+        dimension: &'a str,
+        classifies: bool,
+    ) -> Result<Self, OutputError> {
         let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
         let first = files.first().ok_or_else(|| refused("there are no files"))?;
-        let [plan_unit_m, _, height_unit_m] = first.units_m();
-        let offset = first.header().scaling.offset.map(|offset| offset + 0.0);
-        let standard_time = first.header().global_encoding & 1 == 1;
-        let scale = [0, 1, 2].map(|axis| {
-            files.iter().map(|file| file.header().scaling.scale[axis]).fold(f64::INFINITY, f64::min)
-        });
+        let units_m = first.units_m();
+        let timed = files.iter().find(|file| has_time(file)).unwrap_or(first);
+        let (mut scale, mut offset) = ([0.0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            let world = |value: i64| lattice.metres(value) / units_m[axis];
+            let scales = files.iter().map(|file| file.header().scaling.scale[axis]);
+            let steps = [scales.fold(f64::INFINITY, f64::min), lattice.step_m() / units_m[axis]];
+            let from = first.header().scaling.offset[axis] + 0.0;
+            (scale[axis], offset[axis]) = numbers(steps, from, extent.map(|end| world(end[axis])))
+                .ok_or_else(|| too_large(lattice, extent, axis))?;
+        }
         let formats = || files.iter().map(|file| colours(file.layout().point_format));
         let point_format =
             match (formats().any(|found| found.0.is_some()), formats().any(|found| found.1.is_some())) {
@@ -67,7 +85,35 @@ impl<'a> CopcFormat<'a> {
             };
         let mut extra = vec![(dimension, ExtraType::U32, "object, 0: none")];
         extra.extend(classifies.then_some((OBJECT_CLASS, ExtraType::U8, "class of the object, 0: none")));
-        Ok(Self { point_format, scale, offset, plan_unit_m, height_unit_m, standard_time, extra })
+        let mut format = Self {
+            point_format,
+            scale,
+            offset,
+            plan_unit_m: units_m[0],
+            height_unit_m: units_m[2],
+            slack: [0; 3],
+            standard_time: is_standard(timed),
+            extra,
+        };
+        format.slack = [0, 1, 2].map(|axis| format.slack(files, lattice, axis));
+        Ok(format)
+    }
+
+    /// Lattice units between written coordinates and those of the lattice: none if both are whole numbers of
+    /// lattice units, else half a step of each.
+    fn slack(&self, files: &[InputFile], lattice: Lattice, axis: usize) -> i64 {
+        let unit_m = if axis == 2 { self.height_unit_m } else { self.plan_unit_m };
+        let is_whole = |axis: AxisTransform| matches!(axis, AxisTransform::Integer { .. });
+        let written = AxisTransform::new(self.scale[axis], self.offset[axis], unit_m, lattice);
+        let is_kept = |file: &InputFile| {
+            let (factor, shift) = self.conversion(file).axes[axis];
+            is_whole(file.transform().axes[axis]) && factor.fract() == 0.0 && shift.fract() == 0.0
+        };
+        if is_whole(written) && files.iter().all(is_kept) {
+            return 0;
+        }
+        // One more, because the sum may be rounded down.
+        lattice.units_up(self.scale[axis] * unit_m / 2.0 + lattice.step_m() / 2.0) + 1
     }
 
     /// Bytes of the dimensions after the fields of the format.
@@ -85,21 +131,24 @@ impl<'a> CopcFormat<'a> {
         BASE + colours + usize::from(self.extra_bytes())
     }
 
-    /// The transform from records to the frame of the octree. A node is a cube in the numbers of the file
-    /// (COPC 1.0, "halfsize"), so the octree treats heights as if they had the unit of x and y. If all units
-    /// are the same, this frame is the lattice.
-    pub(crate) fn to_tree(&self, lattice: Lattice) -> LatticeTransform {
+    /// The places of its records in the frame of the octree. A node is a cube in the numbers of the file
+    /// (COPC 1.0, "halfsize"), so the octree takes heights as if they had the unit of x and y. Where all
+    /// units are the same, this is the lattice.
+    pub(crate) fn to_tree(&self, lattice: Lattice) -> ToTree {
         let axis =
             |axis: usize| AxisTransform::new(self.scale[axis], self.offset[axis], self.plan_unit_m, lattice);
-        LatticeTransform { axes: [axis(0), axis(1), axis(2)] }
+        ToTree([axis(0), axis(1), axis(2)])
     }
 
-    /// An extent on the lattice in the frame of the octree.
+    /// The extent of written coordinates in the frame of the octree, from the extent on the lattice.
     pub(crate) fn extent_in_tree(&self, [mut low, mut high]: [[i64; 3]; 2]) -> [[i64; 3]; 2] {
+        for axis in 0..3 {
+            low[axis] -= self.slack[axis];
+            high[axis] += self.slack[axis];
+        }
         let factor = self.plan_unit_m / self.height_unit_m;
         if (factor - 1.0).abs() > 1e-9 {
-            // A height on the lattice is rounded by half a unit before it is stretched; in the frame of the
-            // octree it is rounded after that.
+            // A height on the lattice is rounded by half a unit before it is stretched.
             let slack = (0.5 * factor + 0.5).ceil();
             #[expect(
                 clippy::cast_possible_truncation,
@@ -123,6 +172,63 @@ impl<'a> CopcFormat<'a> {
             (whole(factor), whole(shift))
         });
         Conversion { format: self, layout: file.layout().clone(), axes }
+    }
+}
+
+/// Whether the points of a file have GPS times.
+fn has_time(file: &InputFile) -> bool {
+    file.layout().gps_time.is_some()
+}
+
+/// Whether GPS times of a file are adjusted standard times.
+fn is_standard(file: &InputFile) -> bool {
+    file.header().global_encoding & STANDARD_TIME != 0
+}
+
+/// Scale and offset of an axis whose numbers reach from `low` to `high`: the first of the steps and the
+/// offset `from`, if that fits. Else the offset is in the middle, a whole number of steps away from `from`.
+fn numbers(steps: [f64; 2], from: f64, [low, high]: [f64; 2]) -> Option<(f64, f64)> {
+    let fits = |(scale, offset): (f64, f64)| {
+        [low, high].iter().all(|value| ((value - offset) / scale).abs() <= MOST_STEPS)
+    };
+    let in_the_middle = |step: f64| (step, from + (((low + high) / 2.0 - from) / step).round() * step);
+    [(steps[0], from), in_the_middle(steps[0]), in_the_middle(steps[1])]
+        .into_iter()
+        .find(|found| fits(*found))
+}
+
+fn too_large(lattice: Lattice, [low, high]: [[i64; 3]; 2], axis: usize) -> OutputError {
+    let metres = |units: i64| lattice.metres(units).round();
+    let most = 2.0 * MOST_STEPS * lattice.step_m();
+    let reason = format!(
+        "its points are up to {} m apart in {}, and coordinates of 32 bits in steps of {} m reach {:.0} m",
+        metres(high[axis] - low[axis]),
+        ["x", "y", "z"][axis],
+        lattice.step_m(),
+        most
+    );
+    OutputError::Copc { reason }
+}
+
+/// Written coordinates to the frame of the octree.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ToTree([AxisTransform; 3]);
+
+impl ToTree {
+    /// The place of a record in parts of a lattice unit, rounded down.
+    pub(crate) fn parts(self, record: [i32; 3]) -> [i64; 3] {
+        let axis = |axis: usize| match self.0[axis] {
+            AxisTransform::Integer { factor, shift } => {
+                (i64::from(record[axis]) * factor + shift) << PART_DIGITS
+            }
+            AxisTransform::Real { factor, shift } => {
+                let parts = (f64::from(record[axis]) * factor + shift) * f64::from(1 << PART_DIGITS);
+                #[expect(clippy::cast_possible_truncation, reason = "below 2^50 units, see LIMIT_UNITS")]
+                let parts = parts.floor() as i64;
+                parts
+            }
+        };
+        [axis(0), axis(1), axis(2)]
     }
 }
 
@@ -153,7 +259,12 @@ impl Conversion<'_> {
             let value = i32::from_le_bytes(four(record, axis * 4));
             let value = (f64::from(value) * factor + shift).round();
             if value < f64::from(i32::MIN) || value > f64::from(i32::MAX) {
-                let reason = "its files lie too far apart for the finest of their scales".to_owned();
+                let reason = format!(
+                    "a point does not fit scale {} and offset {} of {}, although the survey found that all points do",
+                    self.format.scale[axis],
+                    self.format.offset[axis],
+                    ["x", "y", "z"][axis]
+                );
                 return Err(OutputError::Copc { reason });
             }
             #[expect(clippy::cast_possible_truncation, reason = "checked above")]
