@@ -282,6 +282,30 @@ fn files_far_apart_get_an_offset_between_them_and_steps_that_reach() {
     assert!(!folder.path().join("refused/objects.csv").exists());
 }
 
+#[test]
+fn files_with_two_kinds_of_gps_times_are_refused_before_anything_is_computed() {
+    let folder = scratch();
+    let points: Vec<Point> = (0..400).map(|n| Point::at([n % 20 * 250, n / 20 * 250, 0])).collect();
+    let write = |name: &str, format: u8, standard: u8| {
+        let path = folder.path().join(name);
+        let mut bytes = Shape { format, ..Shape::default() }.bytes(&points);
+        bytes[6] = standard;
+        std::fs::write(&path, bytes).expect("a writable folder");
+        path
+    };
+    let (week, standard) = (write("week.las", 6, 0), write("standard.las", 1, 1));
+    // Format 0 has no times.
+    let (timeless, out) = (write("timeless.las", 0, 0), folder.path().join("out"));
+    let error = drive(&[week, standard.clone()], &out, &settings(&["output.files=[\"copc\"]"]));
+    let text = error.expect_err("refused").to_string();
+    let expected = "week.las has GPS times of the week, and standard.las adjusted standard times";
+    assert!(text.contains(expected), "{text}");
+    assert!(!out.join(".chainage").exists(), "nothing was computed");
+    run(&[timeless, standard], &out, &[]);
+    let bytes = std::fs::read(out.join(NAME)).expect("the file");
+    assert_eq!(bytes[6] & 1, 1, "the times of the file that has some");
+}
+
 /// laspy reads the tree by itself: it asks for the nodes of a box and of a level.
 #[test]
 fn laspy_reads_the_file() {

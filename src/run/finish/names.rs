@@ -5,6 +5,7 @@ use crate::config::{ClassificationChoice, Config, ConfigError, LasCodes};
 use crate::error::Result;
 use crate::input::{CLOUD_NAME, Catalog};
 use crate::output::objects;
+use crate::output::points::copc::CopcFormat;
 use crate::output::points::{RESERVED, is_field_of_records};
 use crate::output::{LabelOptions, LabelledFile, OutputError, check_names};
 use crate::store::{RunDir, StoreError};
@@ -113,6 +114,9 @@ pub(crate) fn copies(
         let labelled = LabelledFile::plan(file, &options)?;
         warnings.extend(labelled.warnings().iter().cloned());
         files.push(labelled);
+    }
+    if config.output.writes("copc") {
+        CopcFormat::check(catalog.files())?;
     }
     check_names(&files)?;
     if config.output.writes("points") {

@@ -51,6 +51,22 @@ fn colours(point_format: u8) -> (Option<usize>, Option<usize>) {
 }
 
 impl<'a> CopcFormat<'a> {
+    /// Whether the points of these files can be one file: it has one kind of GPS times.
+    ///
+    /// # Errors
+    /// [`OutputError::Copc`] that names a file of each kind.
+    pub(crate) fn check(files: &[InputFile]) -> Result<(), OutputError> {
+        let of_kind = |standard: bool| {
+            files.iter().find(|file| has_time(file) && is_standard(file) == standard).map(InputFile::name)
+        };
+        let (Some(week), Some(standard)) = (of_kind(false), of_kind(true)) else { return Ok(()) };
+        let reason = format!(
+            "{week} has GPS times of the week, and {standard} adjusted standard times, and one file can only have one of \
+             these"
+        );
+        Err(OutputError::Copc { reason })
+    }
+
     /// The format that keeps coordinates and colours of all files: the finest scale of each axis, and the
     /// offset of the first file. If `extent`, on the lattice, is too large for these, the offset is in the
     /// middle. If it still is too large, the scale is the step of the lattice.
