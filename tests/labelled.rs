@@ -415,7 +415,7 @@ fn the_label_follows_bytes_that_nobody_described() {
     // (extra bytes, descriptors, dimensions found, warnings, descriptors of the copy)
     type Case = (usize, &'static [(&'static str, u8, u8)], usize, usize, usize);
     let cases: [Case; 5] = [
-        (300, &[], 0, 0, 4),                              // 255 and 45 bytes, label, class
+        (300, &[], 0, 0, 4),                              // 231 and 69 bytes, label, class
         (7, &[("height", 9, 0)], 1, 0, 4),                // 4 described, 3 not
         (7, &[("none", 0, 0), ("three", 0, 3)], 1, 0, 4), // nothing, 3 bytes; 4 not described
         (3, &[("one", 1, 0), ("wide", 10, 0), ("late", 1, 0)], 1, 1, 4), // 8 bytes do not fit into 2

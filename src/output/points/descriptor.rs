@@ -6,6 +6,9 @@ use crate::input::RecordLayout;
 pub(crate) const DESCRIPTOR: usize = 192;
 /// Data type of undocumented bytes; the options field then contains their number.
 const UNDOCUMENTED: u8 = 0;
+/// Bits of the options field that say whether scale and offset are valid. laspy 2 looks at them for
+/// undocumented bytes as well, and fails. So a number of bytes has none of them.
+const SCALE_AND_OFFSET: u8 = 1 << 3 | 1 << 4;
 
 /// Type of an extra-bytes dimension, with its code in the descriptor (LAS 1.4 R15, table 25).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,18 +48,25 @@ pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DE
 
 /// Descriptors for the extra bytes that have none, so that readers find a dimension after them at its place.
 pub(crate) fn undescribed(layout: &RecordLayout) -> Vec<[u8; DESCRIPTOR]> {
-    let range = layout.undescribed();
+    let std::ops::Range { mut start, end } = layout.undescribed();
     let mut descriptors = Vec::new();
-    for start in range.clone().step_by(usize::from(u8::MAX)) {
-        let count = (range.end - start).min(usize::from(u8::MAX));
+    while start < end {
+        let count = piece(end - start);
         let mut bytes = [0; DESCRIPTOR];
         bytes[2] = UNDOCUMENTED;
-        bytes[3] = u8::try_from(count).unwrap_or(u8::MAX);
+        bytes[3] = count;
         bytes[4..36].copy_from_slice(&padded::<32>(&format!("undescribed_{}", start - layout.base_len)));
         bytes[160..192].copy_from_slice(&padded::<32>("bytes without a description"));
         descriptors.push(bytes);
+        start += usize::from(count);
     }
     descriptors
+}
+
+/// The largest number of bytes, of `left`, that one descriptor may have.
+fn piece(left: usize) -> u8 {
+    let most = u8::try_from(left).unwrap_or(u8::MAX);
+    (0..=most).rev().find(|count| count & SCALE_AND_OFFSET == 0).unwrap_or(0)
 }
 
 /// A variable length record with its header. The payload must be shorter than 65,536 bytes.
@@ -92,6 +102,15 @@ mod tests {
         assert_eq!(bytes[136..160], [0; 24]);
         assert_eq!(&bytes[160..167], b"object\0");
         assert!(bytes[36..112].iter().all(|byte| *byte == 0), "no data, minimum and maximum are unset");
+    }
+
+    #[test]
+    fn numbers_of_bytes_do_not_look_like_a_scale() {
+        let expected =
+            [(1, 1), (7, 7), (8, 7), (31, 7), (32, 32), (45, 39), (69, 69), (255, 231), (300, 231)];
+        for (left, count) in expected {
+            assert_eq!(piece(left), count, "{left}");
+        }
     }
 
     #[test]
