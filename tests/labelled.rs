@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use chainage::Failure;
 use chainage::input::{Catalog, Fields, InputFile, InputOptions, LengthUnit};
 use chainage::model::{Kind, PointClass};
 use chainage::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, check_names};
@@ -408,6 +409,30 @@ fn with_extra_bytes(extra: usize, descriptors: &[(&str, u8, u8)]) -> Vec<u8> {
         new.extend((0..extra).map(|at| record[at % 12] ^ u8::try_from(at % 251).expect("small")));
     }
     new
+}
+
+/// A file may use the name for something else. Only `--keep-original` needs the dimension.
+#[test]
+fn a_dimension_that_is_not_needed_may_have_any_type() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("in.las");
+    std::fs::write(&path, with_extra_bytes(2, &[("original_classification", 3, 0)])).expect("written");
+    let catalog = open(&path).expect("opens");
+    let input = &catalog.files()[0];
+    let with =
+        |keep_original| LabelledFile::plan(input, &LabelOptions { keep_original, ..LabelOptions::default() });
+    with(false).expect("the dimension stays as it is");
+    let error = with(true).expect_err("refused");
+    assert!(matches!(error, OutputError::DimensionType { .. }), "{error}");
+    let hint = Failure::hint(&error).expect("a hint");
+    assert!(hint.contains("--keep-original") && !hint.contains("output.dimension"), "{hint}");
+
+    std::fs::write(&path, with_extra_bytes(2, &[("object_class", 3, 0)])).expect("written");
+    let catalog = open(&path).expect("opens");
+    let classifies = LabelOptions { object_class: true, ..LabelOptions::default() };
+    let error = LabelledFile::plan(&catalog.files()[0], &classifies).expect_err("refused");
+    let hint = Failure::hint(&error).expect("a hint");
+    assert!(hint.contains("does not classify") && !hint.contains("output.dimension"), "{hint}");
 }
 
 #[test]

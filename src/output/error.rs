@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use crate::error::{ErrorKind, Failure};
+use crate::output::points::descriptor::{OBJECT_CLASS, ORIGINAL_CLASS};
 
 /// A result that could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -180,6 +181,13 @@ impl Failure for OutputError {
             }
             Self::HoldsPoints { .. } => Some("choose another file for the result".into()),
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
+            // Only the dimension of the objects can have another name.
+            Self::DimensionType { name, .. } if name == ORIGINAL_CLASS => {
+                Some("leave out --keep-original, or rename the dimension in the file first".into())
+            }
+            Self::DimensionType { name, .. } if name == OBJECT_CLASS => Some(
+                "rename the dimension in the file first, or choose a method that does not classify (--method euclidean)".into(),
+            ),
             Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 Some("choose another name with output.dimension".into())
             }

@@ -9,6 +9,10 @@ const UNDOCUMENTED: u8 = 0;
 /// Bits of the options field that say whether scale and offset are valid. laspy 2 looks at them for
 /// undocumented bytes as well, and fails. So a number of bytes has none of them.
 const SCALE_AND_OFFSET: u8 = 1 << 3 | 1 << 4;
+/// Name of the dimension that keeps the class of the input.
+pub(crate) const ORIGINAL_CLASS: &str = "original_classification";
+/// Name of the dimension with the class of the object.
+pub(crate) const OBJECT_CLASS: &str = "object_class";
 
 /// Type of an extra-bytes dimension, with its code in the descriptor (LAS 1.4 R15, table 25).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! One record of a labelled copy: the original bytes, the label, the class. This module knows nothing about
 //! files.
 
-use super::descriptor::{self, DESCRIPTOR, ExtraType};
+use super::descriptor::{self, DESCRIPTOR, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS};
 use super::options::LabelOptions;
 use crate::config::LasCodes;
 use crate::input::{InputFile, RecordLayout};
@@ -10,11 +10,7 @@ use crate::output::error::OutputError;
 
 /// Longest record that LAS can describe.
 const MAX_RECORD: usize = u16::MAX as usize;
-/// Name of the dimension that keeps the class of the input.
-const ORIGINAL_CLASS: &str = "original_classification";
-/// Name of the dimension with the class of the object.
-pub(super) const OBJECT_CLASS: &str = "object_class";
-/// Names of dimensions with a fixed meaning. The dimension with the objects must have another name.
+/// Names of dimensions that have their own meaning: the dimension of the objects has another one.
 pub(crate) const RESERVED: [&str; 2] = [ORIGINAL_CLASS, OBJECT_CLASS];
 /// Fields of LAS records as laspy 2 and PDAL 2 name them, in lower case and without underscores. An extra
 /// dimension with such a name would hide the field, or be hidden by it.
@@ -83,8 +79,8 @@ impl RecordPlan {
             return Err(OutputError::ClassCode { path, class, code, point_format, limit });
         }
         let label = existing(input, &options.dimension, ExtraType::U32)?;
-        let kept = existing(input, ORIGINAL_CLASS, ExtraType::U8)?;
-        let keep = options.keep_original && kept.is_none();
+        // Whatever the input calls so stays as it is, unless the class is to be kept in it.
+        let keep = options.keep_original && existing(input, ORIGINAL_CLASS, ExtraType::U8)?.is_none();
         let mut descriptors = Vec::new();
         // The classes of an earlier run are overwritten: a method without classes writes 0.
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {

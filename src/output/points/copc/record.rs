@@ -5,8 +5,7 @@ use super::octree::PART_DIGITS;
 use crate::input::{InputFile, RecordLayout};
 use crate::model::{AxisTransform, Lattice};
 use crate::output::error::OutputError;
-use crate::output::points::descriptor::ExtraType;
-use crate::output::points::record::OBJECT_CLASS;
+use crate::output::points::descriptor::{ExtraType, OBJECT_CLASS};
 
 /// Steps of the scan angle per degree: formats 0 to 5 store degrees, formats 6 to 10 steps of 0.006 degrees
 /// (LAS 1.4 R15, table 16).
