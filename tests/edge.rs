@@ -213,8 +213,27 @@ fn a_cut_file_degrees_and_equal_names_are_refused() {
     assert!(matches!(error.cause(), Some(OutputError::NameClash { .. })), "{error}");
 }
 
-/// The settings say feet. Points, tables, page and cloud-optimised file agree, and a file that does not name
-/// its system has the units of the files that do.
+#[test]
+fn files_with_one_name_are_told_apart_where_no_copies_are_written() {
+    let scratch = Scratch::new();
+    let post = |x: i64| (0..60).map(move |n| Point::at([x, 0, 300 + n * 50]));
+    let mut files = Vec::new();
+    for (folder, x) in [("north", 0), ("south", 40_000)] {
+        std::fs::create_dir(scratch.out(folder)).unwrap();
+        let ground = (0..400).map(|n| Point::at([x + n % 20 * 250, n / 20 * 250, 0]));
+        let points: Vec<Point> = ground.chain(post(x + 2_000)).collect();
+        files.push(scratch.file(&format!("{folder}/x.las"), &Shape::default(), &points));
+    }
+    let out = scratch.out("out");
+    drive(&files, &out, &list(5.0, &["output.files=[\"csv\"]", "euclidean.min_points=20"])).unwrap();
+    let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+    let lines: Vec<&str> = table.lines().skip(1).collect();
+    assert_eq!(lines.len(), 2, "{table}");
+    assert!(lines[0].contains("north/x.las") && lines[1].contains("south/x.las"), "{table}");
+}
+
+/// The settings say feet. Points, tables, page and cloud-optimised file agree on it, and a file that does not
+/// name its system has the units of those that do.
 #[test]
 fn every_output_has_the_units_of_the_points() {
     let scratch = Scratch::new();

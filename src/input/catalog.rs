@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::crs::{Crs, CrsKind};
 use super::error::InputError;
 use super::file::InputFile;
+use super::names;
 use super::options::InputOptions;
 use super::unit::unit_in_words;
 use crate::config::LengthUnit;
@@ -78,6 +79,11 @@ impl Catalog {
     #[must_use]
     pub fn files(&self) -> &[InputFile] {
         &self.files
+    }
+
+    /// The names of the files, with the folders of those whose names agree.
+    pub(crate) fn distinct_names(&self) -> Vec<String> {
+        names::distinct(&self.files.iter().map(InputFile::path).collect::<Vec<_>>())
     }
 
     /// The lattice of the drive.

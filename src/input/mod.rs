@@ -31,6 +31,7 @@ mod geokeys;
 pub(crate) mod header;
 pub(crate) mod layout;
 pub(crate) mod mapped;
+mod names;
 mod options;
 mod problem;
 mod projection;

@@ -118,8 +118,8 @@ pub(crate) fn copies(
     if config.output.writes("copc") {
         CopcFormat::check(catalog.files())?;
     }
-    check_names(&files)?;
     if config.output.writes("points") {
+        check_names(&files)?;
         check_against_others(catalog, &files, &others(config, method))?;
     }
     Ok((files, warnings))

@@ -191,7 +191,8 @@ fn with_pass<T>(
     let Sources { progress, objects, columns, terrain } = sources;
     let tiled = progress.over.classified.tiled;
     let (drive, surveyed) = (tiled.drive, tiled.surveyed);
-    let file_names: Vec<&str> = drive.catalog.files().iter().map(|file| file.name()).collect();
+    let file_names = drive.catalog.distinct_names();
+    let file_names: Vec<&str> = file_names.iter().map(String::as_str).collect();
     let locate = |place| {
         let (chainage_m, offset_m) = surveyed.axis.locate(place);
         Station { chainage_m, offset_m }
