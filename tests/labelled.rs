@@ -14,6 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::util;
+use crate::util::las::{Point, Shape};
 
 /// The copied files: the shipped samples, and the conformance folder if it is available.
 fn samples() -> Vec<PathBuf> {
@@ -433,6 +434,26 @@ fn a_dimension_that_is_not_needed_may_have_any_type() {
     let error = LabelledFile::plan(&catalog.files()[0], &classifies).expect_err("refused");
     let hint = Failure::hint(&error).expect("a hint");
     assert!(hint.contains("does not classify") && !hint.contains("output.dimension"), "{hint}");
+}
+
+/// Two counts that disagree: the copy states its own number of points, and for point formats 6 to 10 nothing
+/// in the legacy fields (LAS 1.4 R15, table 3).
+#[test]
+fn the_legacy_counts_of_point_format_6_become_zero_where_the_counts_disagree() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("in.las");
+    let points: Vec<Point> = (0..50).map(|n| Point::at([n, n, 0])).collect();
+    for (legacy, expected) in [(77_u32, 0_u32), (50, 50), (0, 0)] {
+        let mut bytes = Shape::default().bytes(&points);
+        bytes[107..111].copy_from_slice(&legacy.to_le_bytes());
+        bytes[111..115].copy_from_slice(&legacy.to_le_bytes());
+        std::fs::write(&path, bytes).expect("written");
+        let catalog = open(&path).expect("opens");
+        let plan = LabelledFile::plan(&catalog.files()[0], &LabelOptions::default()).expect("a plan");
+        let header = plan.prologue();
+        assert_eq!([number(header, 107, 4), number(header, 111, 4)], [expected as usize; 2], "{legacy}");
+        assert_eq!(number(header, 247, 8), 50);
+    }
 }
 
 #[test]

@@ -20,6 +20,7 @@ const RECORD_COUNT: usize = 100;
 const POINT_FORMAT: usize = 104;
 const RECORD_LENGTH: usize = 105;
 const LEGACY_POINTS: usize = 107;
+const LEGACY_BY_RETURN: usize = 111;
 const WAVEFORM_START: usize = 227;
 const EVLR_START: usize = 235;
 const EVLR_COUNT: usize = 243;
@@ -216,9 +217,16 @@ fn patch_header(
         put(prologue, EVLR_COUNT, &evlrs.to_le_bytes());
     }
     if input.header().counts.len() > 1 {
-        // The two counts of the input disagree. The copy states the number of points that it contains.
+        // The two counts of the input disagree. The copy states the number of points that it contains. For
+        // point formats 6 to 10, that is not in the legacy fields, which must be 0 (LAS 1.4 R15, table 3).
+        // Two counts that agree are kept as all bytes are, also where they should not be there.
         let points = input.point_count();
-        put(prologue, LEGACY_POINTS, &u32::try_from(points).unwrap_or(0).to_le_bytes());
+        let is_legacy = input.layout().point_format < 6;
+        let legacy = u32::try_from(points).ok().filter(|_| is_legacy).unwrap_or(0);
+        put(prologue, LEGACY_POINTS, &legacy.to_le_bytes());
+        if !is_legacy {
+            put(prologue, LEGACY_BY_RETURN, &[0; 20]);
+        }
         put(prologue, POINTS, &points.to_le_bytes());
     }
     Ok(())
