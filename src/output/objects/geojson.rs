@@ -1,5 +1,7 @@
 //! GeoJSON: a feature collection with one feature per line. The values of a row are the properties, and its
-//! outline is the geometry: a polygon, or a line or a point if the outline has no area.
+//! outline is the geometry: a polygon, or a line or a point where the outline has no area. The outline of an
+//! upright surface is a closed line: seen from above it has no area, and rounded to a millimetre, its polygon
+//! would cross itself. Rings of polygons are counter-clockwise (RFC 7946, section 3.1.6).
 //!
 //! RFC 7946 allows geographic coordinates only, but ours are projected. Therefore a member `crs` of the older
 //! GeoJSON specification (2008, section 3) names the EPSG code, which QGIS and GDAL honour. If no code is
@@ -15,6 +17,11 @@ use serde_json::json;
 use crate::model::{Column, Value};
 use crate::output::objects::number::{OUTLINE_PLACES, places, rounded};
 use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable, stream};
+
+/// A surface is upright if its area seen from above is less than this part of its area: it leans by less
+/// than 3 degrees. Chosen: of 369 surfaces of the sample, those of up to 0.01 crossed themselves, because
+/// their vertices are rounded to a millimetre.
+const UPRIGHT: f64 = 0.05;
 
 /// The format.
 #[derive(Debug)]
@@ -87,11 +94,38 @@ fn geometry(outline: &[[f64; 2]], heights: &[f64]) -> Option<GeometryValue> {
         0 => return None,
         1 => GeometryValue::Point { coordinates: positions.remove(0) },
         2 => GeometryValue::LineString { coordinates: positions },
-        _ => {
+        vertices => {
+            let [x, y, z] = area_vector(&outline[..vertices], heights);
+            if z < 0.0 {
+                positions.reverse();
+            }
             positions.push(positions[0].clone());
-            GeometryValue::Polygon { coordinates: vec![positions] }
+            match z.abs() < UPRIGHT * x.hypot(y).hypot(z) {
+                true => GeometryValue::LineString { coordinates: positions },
+                false => GeometryValue::Polygon { coordinates: vec![positions] },
+            }
         }
     })
+}
+
+/// The normal of a ring, as long as the area of the ring: its z is the area seen from above, negative if the
+/// ring is clockwise from there.
+fn area_vector(ring: &[[f64; 2]], heights: &[f64]) -> [f64; 3] {
+    let vertex = |at: usize| {
+        let [x, y] = ring[at % ring.len()];
+        let height = |at: usize| heights.get(at).copied().unwrap_or(0.0);
+        // From the first vertex, because world coordinates are large.
+        [x - ring[0][0], y - ring[0][1], height(at % ring.len()) - height(0)]
+    };
+    let mut sum = [0.0; 3];
+    for at in 0..ring.len() {
+        let (a, b) = (vertex(at), vertex(at + 1));
+        for axis in 0..3 {
+            let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
+            sum[axis] += (a[next] * b[last] - a[last] * b[next]) / 2.0;
+        }
+    }
+    sum
 }
 
 #[cfg(test)]
@@ -149,11 +183,25 @@ mod tests {
         let ring = r#"{"type":"Polygon","coordinates":[[[0.0,0.0],[1.0,0.0],[0.0,1.0],[0.0,0.0]]]}"#;
         assert_eq!(text(&[a, b, c]).unwrap(), ring);
         assert_eq!(text(&[a, b, c, a]).unwrap(), ring, "a closed ring stays closed once");
-        // Two vertices of an upright surface are at the same place in the plane, but not in space.
-        let upright = geometry(&[a, b, b, a], &[0.0, 0.0, 2.0, 2.0]).unwrap();
-        let ring = "[[0.0,0.0,0.0],[1.0,0.0,0.0],[1.0,0.0,2.0],[0.0,0.0,2.0],[0.0,0.0,0.0]]";
-        let expected = format!(r#"{{"type":"Polygon","coordinates":[{ring}]}}"#);
-        assert_eq!(Geometry::new(upright).to_string(), expected);
+    }
+
+    /// Two vertices of an upright surface are at the same place of the plane, and not in space.
+    #[test]
+    fn upright_surfaces_become_closed_lines_and_rings_are_counter_clockwise() {
+        let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let text = |outline: &[[f64; 2]], heights: &[f64]| {
+            Geometry::new(geometry(outline, heights).unwrap()).to_string()
+        };
+        let wall = "[[0.0,0.0,0.0],[1.0,0.0,0.0],[1.0,0.0,2.0],[0.0,0.0,2.0],[0.0,0.0,0.0]]";
+        let line = format!(r#"{{"type":"LineString","coordinates":{wall}}}"#);
+        assert_eq!(text(&[a, b, b, a], &[0.0, 0.0, 2.0, 2.0]), line);
+        // It leans by 0.04 in 2: a little more than a degree. Then by 0.2 in 2: almost 6 degrees.
+        let leaning = |y: f64| text(&[a, b, [1.0, y], [0.0, y]], &[0.0, 0.0, 2.0, 2.0]);
+        assert!(leaning(0.04).contains("LineString") && leaning(-0.04).contains("LineString"));
+        assert!(leaning(0.2).contains("Polygon") && leaning(-0.2).contains("Polygon"));
+        let below = text(&[a, c, b], &[5.0, 5.0, 5.0]);
+        let above = "[[1.0,0.0,5.0],[0.0,1.0,5.0],[0.0,0.0,5.0],[1.0,0.0,5.0]]";
+        assert_eq!(below, format!(r#"{{"type":"Polygon","coordinates":[{above}]}}"#));
     }
 
     #[test]
