@@ -51,7 +51,7 @@ const ROUNDING_M: f64 = 1e-6;
 /// Where an object stands.
 #[derive(Debug)]
 pub(crate) struct Foot {
-    /// Place in the plane, in metres. It is in the box of the object.
+    /// Place in the plane, in metres. It is in the box of the object, unless a leaning stem leads out of it.
     pub(crate) place: [f64; 2],
     /// Height of the ground there in metres, never above the lowest point of the stem. `None` if no ground is
     /// known within 10 m.
@@ -90,7 +90,11 @@ impl Foot {
         {
             let corner = frames.stem.corner.map(|value| lattice.metres(value));
             let mut ground_m = None;
-            let at = |z: f64| in_box([0, 1].map(|k| corner[k] + axis.at(z)[k]), whole, lattice);
+            let at = |z: f64| {
+                let place = [0, 1].map(|k| corner[k] + axis.at(z)[k]);
+                // Only a direction that was seen leads out of the box, to a foot that is hidden.
+                if axis.has_direction { place } else { in_box(place, whole, lattice) }
+            };
             let mut place = at(axis.from);
             for _ in 0..ROUNDS {
                 // A stem begins at the ground or above it. The model is higher where the ground was not seen.
@@ -285,7 +289,7 @@ fn tree_foot(
 }
 
 /// The place in the box of an object that is the nearest to a place. Metres. The middle of a cell lies beside
-/// the only point in it, and an axis is continued to the ground.
+/// the only point in it.
 fn in_box(place: [f64; 2], whole: &ObjectPart, lattice: Lattice) -> [f64; 2] {
     [0, 1].map(|k| place[k].max(lattice.metres(whole.lo[k])).min(lattice.metres(whole.hi[k])))
 }
