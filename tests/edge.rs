@@ -285,6 +285,38 @@ fn files_without_a_system_have_the_unit_of_those_with_one() {
     assert!((catalog.units_m()[0] - units[0]).abs() < 1e-12);
 }
 
+/// A file in New York Long Island (EPSG:2263), US survey feet, with more keys of GeoTIFF.
+fn in_feet(scratch: &Scratch, name: &str, more: &[[u16; 4]]) -> PathBuf {
+    let mut keys = vec![[1_024, 0, 1, 1], [3_072, 0, 1, 2_263]];
+    keys.extend(more);
+    let directory = [[1, 1, 0, u16::try_from(keys.len()).unwrap()]].into_iter().chain(keys);
+    let bytes: Vec<u8> = directory.flatten().flat_map(u16::to_le_bytes).collect();
+    let records = vec![("LASF_Projection", 34_735, bytes)];
+    scratch.file(name, &Shape { format: 1, records, ..Shape::default() }, &row())
+}
+
+#[test]
+fn a_vertical_system_has_its_own_unit_and_a_contradiction_names_both() {
+    let scratch = Scratch::new();
+    let open = |files: &[PathBuf]| Catalog::open(files, &InputOptions { mmap: true, unit: LengthUnit::Auto });
+    let feet = 1_200.0 / 3_937.0;
+    // NAVD88 in metres (5703); its unit as a code (4099).
+    let [code, unit, _] = [
+        ("code.las", [4_096, 0, 1, 5_703]),
+        ("unit.las", [4_099, 0, 1, 9_001]),
+        ("feet.las", [4_099, 0, 1, 9_003]),
+    ]
+    .map(|(name, key)| in_feet(&scratch, name, &[key]));
+    let together = open(&[code, unit]).unwrap();
+    let [plan_m, _, height_m] = together.units_m();
+    assert!((plan_m - feet).abs() < 1e-9 && (height_m - 1.0).abs() < 1e-9, "{plan_m} {height_m}");
+    let warnings = together.warnings().join("\n");
+    assert!(warnings.contains("coordinates are in US survey feet, heights in metres"), "{warnings}");
+    let unknown = open(&[in_feet(&scratch, "datum.las", &[[4_096, 0, 1, 5_103]])]).unwrap();
+    let warnings = unknown.warnings().join("\n");
+    assert!(warnings.contains("the unit of the vertical system 5103 is not known"), "{warnings}");
+}
+
 #[test]
 fn degrees_without_a_system_are_refused_unless_the_unit_is_stated() {
     let scratch = Scratch::new();

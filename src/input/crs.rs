@@ -2,13 +2,14 @@
 //! are never transformed. The records that describe the system are copied to the output unchanged.
 
 use super::crs_records::{geo_keys, wkt_text};
+use super::epsg_units::{unit_of_code, unit_of_vertical_system};
 use super::geokeys::GeoKeys;
 use super::header::Header;
 use super::mapped::ByteSource;
 use super::projection::{Projection, definition, without_codes};
 use super::unit::{plausible, unit_in_words};
 use super::wkt::Node;
-use crate::config::{FOOT, LengthUnit, US_SURVEY_FOOT};
+use crate::config::LengthUnit;
 use crate::words::decimal;
 
 /// Bit of the global encoding: the system is given as well-known text.
@@ -107,7 +108,7 @@ impl Crs {
                     None
                 }
             });
-        let from_keys = geo_keys(header, source, warnings).as_ref().and_then(claim_of_keys);
+        let from_keys = geo_keys(header, source, warnings).and_then(|keys| claim_of_keys(&keys, warnings));
         let is_unreadable = text.is_some() && from_text.is_none();
         let text = from_text.is_some().then_some(text).flatten();
         let prefer_text = header.global_encoding & WKT_BIT != 0;
@@ -119,7 +120,8 @@ impl Crs {
         let claim = claim
             .dismissed_by(header.extent, warnings)
             .without_unknown_code(warnings)
-            .compared_with_epsg(warnings);
+            .compared_with_epsg(warnings)
+            .with_unit_of_heights();
         let text = text.filter(|_| claim != Claim::default());
         let text = text.map(|text| if claim.epsg.is_none() { without_codes(text) } else { text });
         claim.warn_about_unit(warnings);
@@ -139,6 +141,8 @@ struct Claim {
     kind: CrsKind,
     horizontal: Option<f64>,
     vertical: Option<f64>,
+    /// EPSG code of the vertical system.
+    vertical_code: Option<u32>,
     name: Option<String>,
 }
 
@@ -156,6 +160,7 @@ impl Claim {
             kind: self.kind,
             horizontal: self.horizontal.or(other.horizontal),
             vertical: self.vertical.or(other.vertical),
+            vertical_code: self.vertical_code.or(other.vertical_code),
             name: self.name.or_else(|| other.name.clone()),
         }
     }
@@ -222,12 +227,30 @@ impl Claim {
         }
     }
 
+    /// Completes the unit of heights from the code of the vertical system.
+    fn with_unit_of_heights(self) -> Self {
+        let vertical = self.vertical.or_else(|| self.vertical_code.and_then(unit_of_vertical_system));
+        Self { vertical, ..self }
+    }
+
     fn warn_about_unit(&self, warnings: &mut Vec<String>) {
-        if self.kind == CrsKind::Projected && self.horizontal.is_none() {
+        if self.kind != CrsKind::Projected {
+            return;
+        }
+        if self.horizontal.is_none() {
             warnings.push(
-                "the coordinate system does not say its unit of length; metres are assumed (if that is wrong, set input.unit)"
+                "the unit of length of the coordinate system is not known; metres are assumed (if that is wrong, set input.unit)"
                     .into(),
             );
+        }
+        // Where x and y are in metres, heights usually are, too.
+        let unit_m = self.horizontal.filter(|unit| (unit - 1.0).abs() > 1e-9);
+        if let (Some(unit_m), None, Some(code)) = (unit_m, self.vertical, self.vertical_code) {
+            let unit = unit_in_words(unit_m);
+            warnings.push(format!(
+                "the unit of the vertical system {code} is not known: heights are taken to be in {unit}, as x and y are \
+                 (if that is wrong, write the unit into the files)"
+            ));
         }
     }
 
@@ -269,16 +292,19 @@ fn claim_of_wkt(root: &Node) -> Option<Claim> {
         kind,
         horizontal: length_unit(node),
         vertical: None,
+        vertical_code: None,
         name: node.name().filter(|name| !name.is_empty()).map(str::to_owned),
     };
     match root.keyword.as_str() {
         "COMPD_CS" | "COMPOUNDCRS" => {
             let mut parts = root.children().filter_map(claim_of_wkt);
             let horizontal = parts.next()?;
-            let vertical = root.child(&["VERT_CS", "VERTCRS", "VERTICALCRS"]).and_then(length_unit);
+            let system = root.children().find_map(vertical_system);
+            let vertical = system.and_then(length_unit);
+            let vertical_code = system.and_then(Node::epsg);
             let name = root.name().map(str::to_owned).or_else(|| horizontal.name.clone());
             let epsg = horizontal.epsg.or_else(|| horizontal_code(root.epsg()?));
-            Some(Claim { epsg, vertical, name, ..horizontal })
+            Some(Claim { epsg, vertical, vertical_code, name, ..horizontal })
         }
         "BOUNDCRS" => claim_of_wkt(root.child(&["SOURCECRS"])?.children().next()?),
         "PROJCS" | "PROJCRS" | "PROJECTEDCRS" => Some(claim(root, CrsKind::Projected)),
@@ -300,16 +326,25 @@ fn horizontal_code(compound: u32) -> Option<u32> {
     root.children().find_map(claim_of_wkt)?.epsg
 }
 
-/// The unit of a system in metres: its own unit, or the unit of its first axis.
+/// The vertical system that a part of a compound system is.
+fn vertical_system(part: &Node) -> Option<&Node> {
+    match part.keyword.as_str() {
+        "VERT_CS" | "VERTCRS" | "VERTICALCRS" => Some(part),
+        "BOUNDCRS" => part.child(&["SOURCECRS"])?.children().find_map(vertical_system),
+        _ => None,
+    }
+}
+
+/// The unit of a system in metres: its own unit, or that of its first axis.
 fn length_unit(node: &Node) -> Option<f64> {
     const UNITS: &[&str] = &["UNIT", "LENGTHUNIT"];
     let unit = node.child(UNITS).or_else(|| node.child(&["AXIS"])?.child(UNITS))?;
     unit.number().and_then(plausible)
 }
 
-/// The claim of GeoTIFF keys (OGC GeoTIFF 1.1, annex C); `None` if they name no system.
-fn claim_of_keys(keys: &GeoKeys) -> Option<Claim> {
-    const USER_DEFINED: u16 = 32_767;
+/// The claim of GeoTIFF keys (OGC GeoTIFF 1.1, annex C); `None` if they name no system. Codes of units that
+/// are not known become warnings.
+fn claim_of_keys(keys: &GeoKeys, warnings: &mut Vec<String>) -> Option<Claim> {
     let code = |id: u16| keys.code(id).filter(|code| *code != USER_DEFINED).map(u32::from);
     let model = keys.code(1024);
     let projected = keys.code(3072);
@@ -321,26 +356,35 @@ fn claim_of_keys(keys: &GeoKeys) -> Option<Claim> {
         (_, None, Some(_)) => CrsKind::Geographic,
         _ => return None,
     };
-    let unit = |code: Option<u16>| match code? {
-        9001 => Some(1.0),
-        9002 => Some(FOOT),
-        9003 => Some(US_SURVEY_FOOT),
-        _ => None,
-    };
     let (epsg, name) = match kind {
         CrsKind::Projected => (code(3072), keys.text(3073).or_else(|| keys.text(1026))),
         _ => (code(2048), keys.text(2049).or_else(|| keys.text(1026))),
     };
     let horizontal = match kind {
-        CrsKind::Projected => unit(keys.code(3076)).or_else(|| keys.number(3077).and_then(plausible)),
+        CrsKind::Projected => unit_of_key(keys, 3076, keys.number(3077), warnings),
         _ => None,
     };
-    Some(Claim { epsg, kind, horizontal, vertical: unit(keys.code(4099)), name })
+    let vertical = unit_of_key(keys, 4099, None, warnings);
+    Some(Claim { epsg, kind, horizontal, vertical, vertical_code: keys.code(4096).map(u32::from), name })
+}
+
+/// A GeoTIFF code for what other keys describe.
+const USER_DEFINED: u16 = 32_767;
+
+/// Metres of the unit whose code a GeoTIFF key has, or else of the unit of `own` metres.
+fn unit_of_key(keys: &GeoKeys, id: u16, own: Option<f64>, warnings: &mut Vec<String>) -> Option<f64> {
+    let code = keys.code(id);
+    let unit = code.and_then(unit_of_code).or_else(|| own.and_then(plausible));
+    if let (Some(code), None) = (code, unit) {
+        warnings.push(format!("the unit of length {code} (GeoTIFF key {id}) is not known and is ignored"));
+    }
+    unit
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{FOOT, US_SURVEY_FOOT};
 
     fn of(text: &str) -> Option<Claim> {
         Node::parse(text).as_ref().and_then(claim_of_wkt)
@@ -414,7 +458,65 @@ mod tests {
         let mut words = vec![1_u16, 1, 0, count];
         words.extend(entries.iter().flat_map(|(id, value)| [*id, 0, 1, *value]));
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        GeoKeys::parse(&bytes, Vec::new(), Vec::new()).as_ref().and_then(claim_of_keys)
+        let keys = GeoKeys::parse(&bytes, Vec::new(), Vec::new())?;
+        claim_of_keys(&keys, &mut Vec::new())
+    }
+
+    /// Units of x and y and of heights in metres, and the number of warnings about them.
+    fn units_of(entries: &[(u16, u16)]) -> (f64, f64, usize) {
+        let mut warnings = Vec::new();
+        let claim = keys(entries).expect("a system").compared_with_epsg(&mut warnings).with_unit_of_heights();
+        claim.warn_about_unit(&mut warnings);
+        let crs = claim.into_crs(None);
+        (crs.horizontal_unit_m, crs.vertical_unit_m, warnings.len())
+    }
+
+    #[test]
+    fn the_vertical_system_gives_the_unit_of_heights() {
+        // EPSG:2255 is in US survey feet, EPSG:26915 in metres; NAVD88 in metres, US survey feet and feet.
+        for (entries, expected) in [
+            (vec![(3072, 2255)], (US_SURVEY_FOOT, US_SURVEY_FOOT, 0)),
+            (vec![(3072, 2255), (4096, 5703)], (US_SURVEY_FOOT, 1.0, 0)),
+            (vec![(3072, 26_915), (4096, 6360)], (1.0, US_SURVEY_FOOT, 0)),
+            (vec![(3072, 26_915), (4096, 8228)], (1.0, FOOT, 0)),
+            // The unit itself counts more than that of the code.
+            (vec![(3072, 26_915), (4096, 8228), (4099, 9001)], (1.0, 1.0, 0)),
+            // The datum of NAVD88 and a system of one's own have no unit.
+            (vec![(3072, 2255), (4096, 5103)], (US_SURVEY_FOOT, US_SURVEY_FOOT, 1)),
+            (vec![(3072, 2255), (4096, USER_DEFINED)], (US_SURVEY_FOOT, US_SURVEY_FOOT, 1)),
+            (vec![(3072, 26_915), (4096, 5103)], (1.0, 1.0, 0)),
+        ] {
+            assert_eq!(units_of(&entries), expected, "{entries:?}");
+        }
+    }
+
+    #[test]
+    fn the_vertical_part_of_a_text_gives_the_unit_of_heights() {
+        let unit_m = |vertical: &str| {
+            let plane = r#"PROJCS["x",UNIT["US survey foot",0.3048006096012192]]"#;
+            let claim = of(&format!("COMPD_CS[\"c\",{plane},{vertical}]")).expect("a system");
+            claim.with_unit_of_heights().into_crs(None).vertical_unit_m
+        };
+        let code = r#"VERT_CS["NAVD88 height",VERT_DATUM["d",2005],AUTHORITY["EPSG","5703"]]"#;
+        assert_eq!(unit_m(code), 1.0);
+        assert_eq!(unit_m(&code.replace("5703", "8228")), FOOT);
+        assert_eq!(unit_m(&code.replace(",AUTHORITY", ",UNIT[\"foot\",0.3048],AUTHORITY")), FOOT);
+        assert_eq!(unit_m(&format!("BOUNDCRS[SOURCECRS[{code}]]")), 1.0);
+        assert_eq!(unit_m(&code.replace("5703", "5103")), US_SURVEY_FOOT);
+    }
+
+    #[test]
+    fn every_unit_of_length_is_read_and_an_unknown_one_is_named() {
+        let mut warnings = Vec::new();
+        let mut unit = |code: u16| {
+            let words = [1, 1, 0, 2, 1024, 0, 1, 1, 3076, 0, 1, code];
+            let bytes: Vec<u8> = words.iter().flat_map(|word: &u16| word.to_le_bytes()).collect();
+            let keys = GeoKeys::parse(&bytes, Vec::new(), Vec::new()).expect("keys");
+            claim_of_keys(&keys, &mut warnings).expect("a system").horizontal
+        };
+        assert_eq!([9001, 9005, 9036].map(&mut unit), [Some(1.0), Some(0.304_797_265_4), Some(1_000.0)]);
+        assert_eq!(unit(9102), None, "a degree");
+        assert_eq!(warnings, ["the unit of length 9102 (GeoTIFF key 3076) is not known and is ignored"]);
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub(crate) mod copc;
 mod crs;
 mod crs_records;
 pub(crate) mod decode;
+mod epsg_units;
 mod error;
 mod file;
 mod geokeys;

@@ -33,7 +33,8 @@ impl<'a> SurveyPass<'a> {
         let mut depends = Inputs::new()
             .with("lattice.units_per_m", drive.lattice().units_per_m())
             .with("tiling.cell", config.tiling.cell)
-            .with("input.unit", config.input.unit.name());
+            .with("input.unit", config.input.unit.name())
+            .with("units of coordinates in metres", format!("{:?}", drive.catalog.units_m()));
         for file in drive.catalog.files() {
             let facts = format!("{} bytes, {} records", file.size_bytes(), file.point_count());
             depends = depends.with(format!("input {}", file.name()), facts);
