@@ -317,6 +317,27 @@ fn a_vertical_system_has_its_own_unit_and_a_contradiction_names_both() {
     assert!(warnings.contains("the unit of the vertical system 5103 is not known"), "{warnings}");
 }
 
+/// The tables of a run do not name a system that the stated unit contradicts.
+#[test]
+fn a_stated_unit_takes_a_contradicted_system_out_of_the_tables() {
+    let scratch = Scratch::new();
+    let files = vec![in_feet(&scratch, "feet.las", &[])];
+    for (unit, is_named) in [("us-survey-foot", true), ("metre", false)] {
+        let out = scratch.out(unit);
+        let asked = [&format!("input.unit={unit}")[..], "euclidean.min_points=5"];
+        let summary = drive(&files, &out, &list(5.0, &asked)).unwrap();
+        let warnings = summary.warnings.join("\n");
+        let contradiction =
+            "input.unit says that coordinates are in metres, but those of EPSG:2263 are in US survey feet";
+        assert_eq!(warnings.contains(contradiction), !is_named, "{warnings}");
+        for name in ["objects.geojson", "report.json"] {
+            let text = std::fs::read_to_string(out.join(name)).unwrap();
+            let code = if name == "report.json" { "\"epsg\": 2263" } else { "EPSG::2263" };
+            assert_eq!(text.contains(code), is_named, "{name} with {unit}");
+        }
+    }
+}
+
 #[test]
 fn degrees_without_a_system_are_refused_unless_the_unit_is_stated() {
     let scratch = Scratch::new();

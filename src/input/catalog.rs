@@ -55,10 +55,11 @@ impl Catalog {
             warnings.extend(file.warnings().iter().map(|warning| format!("{}: {warning}", file.name())));
         }
         let crs = common_crs(&files, options.unit, &mut warnings)?;
-        let units_m = match options.unit.metres() {
-            Some(metres) => [metres; 3],
-            None => [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m],
+        let crs = match options.unit.metres() {
+            Some(unit_m) => crs.with_stated_unit(unit_m, &mut warnings),
+            None => crs,
         };
+        let units_m = [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m];
         files.iter_mut().for_each(|file| file.set_units(units_m));
         note_units(units_m, &mut warnings);
         let finest_m = files.iter().map(InputFile::finest_scale_m).fold(f64::INFINITY, f64::min);

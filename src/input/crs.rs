@@ -89,7 +89,45 @@ impl Crs {
         matches!((first, second), (Some(first), Some(second)) if first.differs_from(&second))
     }
 
-    /// Well-known text for an output: the text of the file, or the text of the EPSG dataset for its code.
+    /// The system of coordinates whose units are stated in the settings, `unit_m` metres in x, y and z. If
+    /// the records contradict it, they do not describe these coordinates, and the outputs do not name their
+    /// system.
+    pub(super) fn with_stated_unit(self, unit_m: f64, warnings: &mut Vec<String>) -> Self {
+        if !self.is_known() {
+            return Self { horizontal_unit_m: unit_m, vertical_unit_m: unit_m, ..self };
+        }
+        let same = |own: f64| (unit_m / own - 1.0).abs() <= 1e-6;
+        let is_other_kind = matches!(self.kind, CrsKind::Geographic | CrsKind::Geocentric);
+        let stated = unit_in_words(unit_m);
+        if is_other_kind || !same(self.horizontal_unit_m) {
+            let own = match self.kind {
+                CrsKind::Geographic => "degrees".to_owned(),
+                CrsKind::Geocentric => "metres from the centre of the earth".to_owned(),
+                CrsKind::Projected | CrsKind::Unknown => unit_in_words(self.horizontal_unit_m),
+            };
+            warnings.push(format!(
+                "input.unit says that coordinates are in {stated}, but those of {} are in {own}: the tables do not name \
+                 this system",
+                self.description
+            ));
+            let description = format!("{}, but in {stated}", self.description);
+            let (horizontal_unit_m, vertical_unit_m) = (unit_m, unit_m);
+            let kind = CrsKind::Unknown;
+            return Self { wkt: None, epsg: None, kind, horizontal_unit_m, vertical_unit_m, description };
+        }
+        if same(self.vertical_unit_m) {
+            return self;
+        }
+        warnings.push(format!(
+            "input.unit says that heights are in {stated}, but those of {} are in {}: the tables do not have the text of \
+             this system",
+            self.description,
+            unit_in_words(self.vertical_unit_m)
+        ));
+        Self { wkt: None, vertical_unit_m: unit_m, ..self }
+    }
+
+    /// Well-known text for an output: that of the file, or that of the EPSG dataset for its code.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         self.wkt.as_deref().or_else(|| definition(self.epsg?))
@@ -546,6 +584,48 @@ mod tests {
         assert_eq!(kind_after(CrsKind::Geocentric, utm.0, utm.1), (CrsKind::Unknown, 1));
         assert_eq!(kind_after(CrsKind::Geocentric, centre.0, centre.1), (CrsKind::Geocentric, 0));
         assert_eq!(kind_after(CrsKind::Geographic, [f64::NAN; 3], utm.1), (CrsKind::Geographic, 0));
+    }
+
+    #[test]
+    fn a_stated_unit_that_contradicts_the_record_takes_its_name_from_the_outputs() {
+        let crs = |kind, vertical| {
+            let claim = Claim {
+                epsg: Some(2255),
+                kind,
+                horizontal: Some(US_SURVEY_FOOT),
+                vertical,
+                ..Claim::default()
+            };
+            claim.into_crs(Some("text".to_owned()))
+        };
+        let stated = |crs: Crs, unit_m: f64| {
+            let mut warnings = Vec::new();
+            let crs = crs.with_stated_unit(unit_m, &mut warnings);
+            assert_eq!((crs.horizontal_unit_m, crs.vertical_unit_m), (unit_m, unit_m));
+            (crs.epsg, crs.wkt.is_some(), warnings)
+        };
+        let (projected, feet) = (CrsKind::Projected, US_SURVEY_FOOT);
+        assert_eq!(stated(crs(projected, None), feet), (Some(2255), true, Vec::new()));
+        assert_eq!(stated(Crs::unknown(LengthUnit::Foot), FOOT), (None, false, Vec::new()));
+        for (crs, unit_m, expected) in [
+            (
+                crs(projected, None),
+                1.0,
+                "input.unit says that coordinates are in metres, but those of EPSG:2255 are in US survey feet: the \
+                 tables do not name this system",
+            ),
+            (
+                crs(CrsKind::Geographic, None),
+                1.0,
+                "input.unit says that coordinates are in metres, but those of EPSG:2255 are in degrees: the tables do \
+                 not name this system",
+            ),
+        ] {
+            assert_eq!(stated(crs, unit_m), (None, false, vec![expected.to_owned()]));
+        }
+        let heights = "input.unit says that heights are in US survey feet, but those of EPSG:2255 are in metres: the \
+                       tables do not have the text of this system";
+        assert_eq!(stated(crs(projected, Some(1.0)), feet), (Some(2255), false, vec![heights.to_owned()]));
     }
 
     #[test]
