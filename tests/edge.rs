@@ -301,17 +301,23 @@ fn a_vertical_system_has_its_own_unit_and_a_contradiction_names_both() {
     let open = |files: &[PathBuf]| Catalog::open(files, &InputOptions { mmap: true, unit: LengthUnit::Auto });
     let feet = 1_200.0 / 3_937.0;
     // NAVD88 in metres (5703); its unit as a code (4099).
-    let [code, unit, _] = [
+    let [code, unit, survey_feet] = [
         ("code.las", [4_096, 0, 1, 5_703]),
         ("unit.las", [4_099, 0, 1, 9_001]),
         ("feet.las", [4_099, 0, 1, 9_003]),
     ]
     .map(|(name, key)| in_feet(&scratch, name, &[key]));
-    let together = open(&[code, unit]).unwrap();
+    let together = open(&[code.clone(), unit.clone()]).unwrap();
     let [plan_m, _, height_m] = together.units_m();
     assert!((plan_m - feet).abs() < 1e-9 && (height_m - 1.0).abs() < 1e-9, "{plan_m} {height_m}");
     let warnings = together.warnings().join("\n");
     assert!(warnings.contains("coordinates are in US survey feet, heights in metres"), "{warnings}");
+    let error = open(&[code, survey_feet]).unwrap_err().to_string();
+    assert!(
+        error.contains("feet.las is in EPSG:2263 in US survey feet with heights in US survey feet, but"),
+        "{error}"
+    );
+    assert!(error.ends_with("code.las is in EPSG:2263 in US survey feet with heights in metres"), "{error}");
     let unknown = open(&[in_feet(&scratch, "datum.las", &[[4_096, 0, 1, 5_103]])]).unwrap();
     let warnings = unknown.warnings().join("\n");
     assert!(warnings.contains("the unit of the vertical system 5103 is not known"), "{warnings}");

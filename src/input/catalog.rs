@@ -243,11 +243,12 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
             CrsKind::Projected | CrsKind::Unknown => {}
         }
         if let Some(first) = first.filter(|first| first.crs().contradicts(file.crs())) {
+            let [crs, other_crs] = describe_both(first.crs(), file.crs());
             return Err(InputError::CrsDiffers {
                 path: first.path().to_owned(),
-                crs: describe(first.crs()),
+                crs,
                 other: path,
-                other_crs: describe(file.crs()),
+                other_crs,
             });
         }
     }
@@ -266,13 +267,20 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
     Ok(first.map_or_else(|| Crs::unknown(unit), |first| first.crs().clone()))
 }
 
-/// A coordinate reference system in words, with its unit unless that is the metre.
-fn describe(crs: &Crs) -> String {
-    if (crs.horizontal_unit_m - 1.0).abs() < 1e-9 {
-        crs.description.clone()
-    } else {
-        format!("{} in {}", crs.description, unit_in_words(crs.horizontal_unit_m))
-    }
+/// Two systems, each with its unit unless this is the metre, and with that of heights if the two differ in
+/// it.
+fn describe_both(first: &Crs, second: &Crs) -> [String; 2] {
+    let heights_differ = (first.vertical_unit_m / second.vertical_unit_m - 1.0).abs() > 1e-9;
+    [first, second].map(|crs| {
+        let mut text = crs.description.clone();
+        if (crs.horizontal_unit_m - 1.0).abs() > 1e-9 {
+            text.push_str(&format!(" in {}", unit_in_words(crs.horizontal_unit_m)));
+        }
+        if heights_differ {
+            text.push_str(&format!(" with heights in {}", unit_in_words(crs.vertical_unit_m)));
+        }
+        text
+    })
 }
 
 /// Warns that lengths are in metres although the coordinates are not.
