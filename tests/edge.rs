@@ -345,6 +345,30 @@ fn a_stated_unit_takes_a_contradicted_system_out_of_the_tables() {
 }
 
 #[test]
+fn different_clocks_are_named() {
+    let scratch = Scratch::new();
+    let with_clock = |name: &str, standard: u8| {
+        let path = scratch.file(name, &Shape::default(), &row());
+        let mut bytes = std::fs::read(&path).unwrap();
+        // Bit 0 of the global encoding (LAS 1.4, table 4).
+        bytes[6] = bytes[6] & !1 | standard;
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let files = [with_clock("week.las", 0), with_clock("standard.las", 1), with_clock("other.las", 0)];
+    let warnings = |files: &[PathBuf]| {
+        let options = InputOptions { mmap: true, unit: LengthUnit::Auto };
+        Catalog::open(files, &options).unwrap().warnings().join("\n")
+    };
+    let found = warnings(&files);
+    assert!(
+        found.contains("standard times in standard.las, and seconds of the week in week.las and 1 more"),
+        "{found}"
+    );
+    assert!(!warnings(&[files[0].clone(), files[2].clone()]).contains("clock"));
+}
+
+#[test]
 fn degrees_without_a_system_are_refused_unless_the_unit_is_stated() {
     let scratch = Scratch::new();
     let path = scratch.file("degrees.las", &Shape { scale_tenths: 1, ..Shape::default() }, &row());

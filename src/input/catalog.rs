@@ -62,6 +62,7 @@ impl Catalog {
         let units_m = [crs.horizontal_unit_m, crs.horizontal_unit_m, crs.vertical_unit_m];
         files.iter_mut().for_each(|file| file.set_units(units_m));
         note_units(units_m, &mut warnings);
+        note_clocks(&files, &mut warnings);
         let finest_m = files.iter().map(InputFile::finest_scale_m).fold(f64::INFINITY, f64::min);
         let lattice = Lattice::for_scale(finest_m);
         for file in &mut files {
@@ -283,7 +284,33 @@ fn describe_both(first: &Crs, second: &Crs) -> [String; 2] {
     })
 }
 
-/// Warns that lengths are in metres although the coordinates are not.
+/// Bit of the global encoding: GPS times are adjusted standard times, not seconds of the week.
+const STANDARD_TIME: u16 = 1;
+
+/// Warns that the files count their times from different moments.
+fn note_clocks(files: &[InputFile], warnings: &mut Vec<String>) {
+    let timed = files.iter().filter(|file| file.point_count() > 0 && file.layout().gps_time.is_some());
+    let (standard, week): (Vec<&InputFile>, Vec<&InputFile>) =
+        timed.partition(|file| file.header().global_encoding & STANDARD_TIME != 0);
+    if let (Some(standard), Some(week)) = (names(&standard), names(&week)) {
+        warnings.push(format!(
+            "the files have different clocks: GPS times are adjusted standard times in {standard}, and seconds of the \
+             week in {week}; times across these files cannot be compared"
+        ));
+    }
+}
+
+/// The name of the first file, and the number of others; `None` without files.
+fn names(files: &[&InputFile]) -> Option<String> {
+    let (first, others) = files.split_first()?;
+    let first = first.name();
+    Some(match others.len() {
+        0 => first.to_owned(),
+        more => format!("{first} and {more} more"),
+    })
+}
+
+/// Warns that lengths are not in the units of the coordinates.
 fn note_units([plan_m, _, height_m]: [f64; 3], warnings: &mut Vec<String>) {
     if [plan_m, height_m].iter().any(|unit| (unit - 1.0).abs() > 1e-9) {
         let (plan, height) = (unit_in_words(plan_m), unit_in_words(height_m));
