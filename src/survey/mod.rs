@@ -20,6 +20,7 @@ mod straight;
 mod trajectory;
 
 pub use axis::{Axis, AxisSource};
+pub use clock::ClockDoubt;
 pub use error::SurveyError;
 pub use part::{Collector, OutOfRange, Survey, SurveyPart, TIME_BIN_S, TimeBin};
 pub use trajectory::read_trajectory;

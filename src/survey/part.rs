@@ -12,8 +12,12 @@ use crate::spatial::{BlockZone, Cell, CellCounter, CellGrid, CellMap};
 /// bend of a road.
 pub const TIME_BIN_S: f64 = 0.5;
 
-/// Largest number of zone-map cells kept for a block. A block with more cells (shuffled, or airborne) is
-/// described by its box only.
+/// Largest number of bins with points: 36 hours of scanning, in 20 MB. If there are more, the times are not
+/// seconds, and the bins are dropped.
+pub(super) const BINS_MAX: usize = 1 << 18;
+
+/// Largest number of zone-map cells kept for a block. A block with more (shuffled, or airborne) is described
+/// by its box alone.
 const ZONE_CELLS_MAX: usize = 192;
 
 /// Sum of the positions of the points of one time bin, in lattice units.
@@ -43,7 +47,7 @@ pub struct SurveyPart {
     pub zones: Vec<BlockZone>,
     /// Points per occupied cell, in ascending cell.
     pub occupancy: Vec<(Cell, u32)>,
-    /// Positions per bin of GPS time.
+    /// Positions per bin of GPS time. Empty in spite of times if these are in too many bins to be seconds.
     pub time_bins: BTreeMap<i64, TimeBin>,
     /// Smallest and largest lattice coordinates.
     pub extent: Option<([i64; 3], [i64; 3])>,
@@ -77,6 +81,11 @@ impl SurveyPart {
     pub fn points(&self) -> u64 {
         self.zones.iter().map(|zone| u64::from(zone.count)).sum()
     }
+
+    /// Whether the times were in too many bins.
+    fn has_scattered_times(&self) -> bool {
+        self.time.is_some() && self.time_bins.is_empty()
+    }
 }
 
 /// Running state over the blocks of a part. A part can also be fed block by block, see
@@ -89,6 +98,8 @@ pub struct Collector {
     coarse: FxHashSet<Cell>,
     bin: i64,
     bin_sum: TimeBin,
+    /// Whether the times are in too many bins.
+    scattered: bool,
 }
 
 impl Collector {
@@ -102,6 +113,7 @@ impl Collector {
             coarse: FxHashSet::default(),
             bin: i64::MIN,
             bin_sum: TimeBin::default(),
+            scattered: false,
         }
     }
 
@@ -172,10 +184,10 @@ impl Collector {
     }
 
     fn flush_bin(&mut self) {
-        if self.bin_sum.count > 0 {
-            add_bin(&mut self.part.time_bins, self.bin, &self.bin_sum);
-            self.bin_sum = TimeBin::default();
+        if self.bin_sum.count > 0 && !self.scattered {
+            self.scattered = add_bin(&mut self.part.time_bins, self.bin, &self.bin_sum);
         }
+        self.bin_sum = TimeBin::default();
     }
 
     fn zone(&mut self, count: u32, lo: [i64; 3], hi: [i64; 3], time: Option<(f64, f64)>) {
@@ -203,11 +215,18 @@ impl Collector {
     }
 }
 
-fn add_bin(bins: &mut BTreeMap<i64, TimeBin>, bin: i64, sum: &TimeBin) {
+/// Adds to a bin. If there are too many then, drops all and returns true. Whether the bins of a drive are too
+/// many depends on their number alone, so it is the same in any order of records, parts and files.
+fn add_bin(bins: &mut BTreeMap<i64, TimeBin>, bin: i64, sum: &TimeBin) -> bool {
     let total = bins.entry(bin).or_default();
     total.count += sum.count;
     total.sum_x += sum.sum_x;
     total.sum_y += sum.sum_y;
+    let too_many = bins.len() > BINS_MAX;
+    if too_many {
+        bins.clear();
+    }
+    too_many
 }
 
 type Extent = Option<([i64; 3], [i64; 3])>;
@@ -238,7 +257,7 @@ pub struct Survey {
     pub occupancy: CellMap<u32>,
     /// Zone map: blocks of each file in file order.
     pub zones: Vec<Vec<BlockZone>>,
-    /// Positions by bin of GPS time.
+    /// Positions by bin of GPS time; none if the times are in too many bins.
     pub time_bins: BTreeMap<i64, TimeBin>,
     /// Smallest and largest lattice coordinates.
     pub extent: Extent,
@@ -248,11 +267,13 @@ pub struct Survey {
     pub bad_times: u64,
     /// Content hashes of the parts of each file, in file order.
     pub content: Vec<Vec<u64>>,
+    scattered: bool,
 }
 
 impl Survey {
     /// Adds the next part of file number `file`; parts of a file come in file order.
     pub fn add(&mut self, file: usize, part: SurveyPart) {
+        self.scattered |= part.has_scattered_times();
         while self.zones.len() <= file {
             self.zones.push(Vec::new());
             self.content.push(Vec::new());
@@ -261,14 +282,22 @@ impl Survey {
             let total = self.occupancy.entry(cell);
             *total = total.saturating_add(count);
         }
+        if self.scattered {
+            self.time_bins.clear();
+        }
         for (bin, sum) in &part.time_bins {
-            add_bin(&mut self.time_bins, *bin, sum);
+            self.scattered = self.scattered || add_bin(&mut self.time_bins, *bin, sum);
         }
         self.zones[file].extend(part.zones);
         self.content[file].push(part.content);
         self.extent = merge_extent(self.extent, part.extent);
         self.time = merge_time(self.time, part.time);
         self.bad_times += part.bad_times;
+    }
+
+    /// Whether the times are in too many bins to be seconds.
+    pub(super) fn has_scattered_times(&self) -> bool {
+        self.scattered
     }
 
     /// Number of points.
@@ -308,5 +337,31 @@ mod tests {
         assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
         assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
         assert_eq!(part.zones[0].coarse, [[-1, 0], [0, 0]]);
+    }
+
+    /// As many bins as are kept, in two parts with one bin more or with none.
+    #[test]
+    fn bins_of_time_are_limited_whatever_the_order() {
+        let bins = |range: std::ops::Range<usize>| {
+            let time = |bin: usize| bin as f64 * TIME_BIN_S;
+            survey(&range.map(|bin| ([0, 0, 0], time(bin))).collect::<Vec<_>>())
+        };
+        let of_drive = |parts: [&SurveyPart; 2]| {
+            let mut drive = Survey::default();
+            parts.into_iter().for_each(|part| drive.add(0, part.clone()));
+            (drive.time_bins.len(), drive.has_scattered_times())
+        };
+        let half = BINS_MAX / 2;
+        let [first, second, more] = [bins(0..half), bins(half..BINS_MAX), bins(half..BINS_MAX + 1)];
+        let all = bins(0..BINS_MAX + 1);
+        assert_eq!((all.time_bins.len(), all.has_scattered_times()), (0, true));
+        for (one, other, expected) in
+            [(&first, &second, (BINS_MAX, false)), (&first, &more, (0, true)), (&all, &first, (0, true))]
+        {
+            assert_eq!(of_drive([one, other]), expected);
+            assert_eq!(of_drive([other, one]), expected);
+        }
+        let without_times = survey(&[([0, 0, 0], f64::NAN)]);
+        assert_eq!(of_drive([&without_times, &first]), (half, false));
     }
 }

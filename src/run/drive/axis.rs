@@ -8,7 +8,7 @@ use crate::config::{AxisChoice, Config};
 use crate::error::Result;
 use crate::run::drive::Drive;
 use crate::spatial::PackedCells;
-use crate::survey::{Axis, AxisSource, Survey, SurveyError, read_trajectory};
+use crate::survey::{Axis, AxisSource, ClockDoubt, Survey, SurveyError, read_trajectory};
 
 /// The source and the length of the axis, for reports.
 #[derive(Debug, Clone, Serialize)]
@@ -68,6 +68,12 @@ pub(super) fn find_axis(
         warnings.push(format!("the trajectory {} has no length: it is not used", path.display()));
     }
     if config.axis.source != AxisChoice::Principal {
+        if let Some(doubt) = ClockDoubt::of(survey, drive.lattice()) {
+            warnings.push(format!(
+                "{doubt}; the axis is the principal axis of the points (--trajectory gives the driven one)"
+            ));
+            return Ok(Axis::principal(cells, drive.grid, drive.lattice()));
+        }
         if let Some(axis) = Axis::from_time_bins(&survey.time_bins, drive.lattice()) {
             return Ok(axis);
         }
