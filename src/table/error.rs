@@ -23,6 +23,8 @@ pub enum TableError {
     Empty {
         /// The file.
         path: PathBuf,
+        /// The columns of its header.
+        names: Vec<String>,
     },
     /// The header consists of numbers only. It is probably the first row of a table without header.
     #[error("the first line of {path} has only numbers, but a header is expected: {found}", path = path.display())]
@@ -55,6 +57,16 @@ pub enum TableError {
         path: PathBuf,
         /// Line number, from 1.
         line: usize,
+    },
+    /// Numbers with a decimal comma.
+    #[error("line {line} of {path} has a decimal comma, but numbers need a decimal point: {found}", path = path.display())]
+    DecimalComma {
+        /// The file.
+        path: PathBuf,
+        /// Line number, from 1.
+        line: usize,
+        /// The line or the field.
+        found: String,
     },
     /// A column that does not exist.
     #[error("{path} has no column {column}; its columns are: {known}", path = path.display())]
@@ -113,6 +125,11 @@ impl Failure for TableError {
             Self::NoHeader { .. } => Some("if it is the first row, add --no-header".into()),
             Self::Number { .. } => Some("choose columns of numbers with --columns".into()),
             Self::Mixed { .. } => Some("mend the cell, or choose the columns to use with --columns".into()),
+            Self::DecimalComma { .. } => Some(
+                "write decimal points, or leave the column out with --columns; for a table with semicolons: \
+                 `tr , . < TABLE > POINTS`"
+                    .into(),
+            ),
             Self::Taken { .. } => Some("name the new column with --id-column".into()),
             _ => None,
         }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::table::TableError;
-use crate::table::split::{Separator, fields};
+use crate::table::split::{Separator, fields, has_decimal_commas, is_decimal_comma};
 
 /// Number of characters of a line that an error message shows.
 const SHOWN: usize = 80;
@@ -55,8 +55,12 @@ impl Table {
             }
             at += whole.len();
         }
-        let empty = || TableError::Empty { path: path.to_owned() };
-        let (line, first) = rows.first().cloned().ok_or_else(empty)?;
+        let empty = |names| TableError::Empty { path: path.to_owned(), names };
+        let (line, first) = rows.first().cloned().ok_or_else(|| empty(Vec::new()))?;
+        if has_decimal_commas(&text[first.clone()]) {
+            let found = text[first].chars().take(SHOWN).collect();
+            return Err(TableError::DecimalComma { path: path.to_owned(), line, found });
+        }
         let separator = Separator::of(&text[first.clone()]);
         let found = fields(&text[first.clone()], separator)
             .ok_or_else(|| TableError::Quote { path: path.to_owned(), line })?;
@@ -73,7 +77,7 @@ impl Table {
         } else {
             table.names = (1..=found.len()).map(|column| column.to_string()).collect();
         }
-        if table.rows.is_empty() { Err(empty()) } else { Ok(table) }
+        if table.rows.is_empty() { Err(empty(table.names)) } else { Ok(table) }
     }
 
     /// The path of the table.
@@ -143,8 +147,9 @@ impl Table {
     /// them.
     ///
     /// # Errors
-    /// [`TableError::Mixed`] when a column has a number in some rows only, because leaving it out would
-    /// silently change the result; or an error when a row has another number of fields than the first line.
+    /// [`TableError::Mixed`] when a column holds a number in some rows only, and [`TableError::DecimalComma`]
+    /// when one has numbers with commas, because leaving it out would change the result without a word. Or
+    /// when a row has other fields than the first line.
     pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
         let mut numbers = vec![0; self.names.len()];
         // The first cell of each column that is not a number.
@@ -153,6 +158,7 @@ impl Table {
             for (column, field) in fields.iter().enumerate() {
                 match number(field) {
                     Some(_) => numbers[column] += 1,
+                    None if is_decimal_comma(field) => return Err(self.decimal_comma(line, field)),
                     None if other[column].is_none() => {
                         other[column] = Some((line, field.chars().take(SHOWN).collect()));
                     }
@@ -178,21 +184,31 @@ impl Table {
     /// The numbers of some columns, row by row.
     ///
     /// # Errors
-    /// [`TableError::Number`], or an error when a row has another number of fields than the first line.
+    /// [`TableError::Number`] or [`TableError::DecimalComma`], or when a row has other fields than the first
+    /// line.
     pub fn values(&self, columns: &[usize]) -> Result<Vec<f64>, TableError> {
         let mut values = Vec::with_capacity(self.rows.len() * columns.len());
         self.each_row(|line, fields| {
             for &column in columns {
-                values.push(number(&fields[column]).ok_or_else(|| TableError::Number {
-                    path: self.path.clone(),
-                    line,
-                    column: self.names[column].clone(),
-                    found: fields[column].chars().take(SHOWN).collect(),
+                let field = &fields[column];
+                values.push(number(field).ok_or_else(|| match is_decimal_comma(field) {
+                    true => self.decimal_comma(line, field),
+                    false => TableError::Number {
+                        path: self.path.clone(),
+                        line,
+                        column: self.names[column].clone(),
+                        found: field.chars().take(SHOWN).collect(),
+                    },
                 })?);
             }
             Ok(())
         })?;
         Ok(values)
+    }
+
+    fn decimal_comma(&self, line: usize, field: &str) -> TableError {
+        let found = field.chars().take(SHOWN).collect();
+        TableError::DecimalComma { path: self.path.clone(), line, found }
     }
 
     fn each_row(
@@ -260,6 +276,20 @@ mod tests {
         assert!(table.check_free("y").is_ok());
         let error = table.check_free("cluster_id").unwrap_err().to_string();
         assert_eq!(error, "t.csv already has a column cluster_id");
+    }
+
+    #[test]
+    fn decimal_commas_are_refused_by_name() {
+        let said = |found: Result<Vec<usize>, TableError>| found.unwrap_err().to_string();
+        let expected = |line, found| {
+            format!("line {line} of t.csv has a decimal comma, but numbers need a decimal point: {found}")
+        };
+        assert_eq!(table("10,017;20,041\n1,5;2", false).unwrap_err(), expected(1, "10,017;20,041"));
+        assert_eq!(table("10,017;20,041\n1,5;2", true).unwrap_err(), expected(1, "10,017;20,041"));
+        let with_header = table("x;y;n\n1;2;a\n3;4,5;b", true).unwrap();
+        assert_eq!(said(with_header.numeric_columns()), expected(3, "4,5"));
+        assert_eq!(with_header.values(&[1]).unwrap_err().to_string(), expected(3, "4,5"));
+        assert_eq!(with_header.values(&[0]).unwrap(), [1.0, 3.0]);
     }
 
     #[test]
