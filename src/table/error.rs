@@ -105,6 +105,14 @@ pub enum TableError {
         /// The field.
         found: String,
     },
+    /// A name that would be read as something else.
+    #[error("a column of {path} cannot have the name {name:?}: it would not be read as one field", path = path.display())]
+    Name {
+        /// The file.
+        path: PathBuf,
+        /// The name.
+        name: String,
+    },
     /// The table already has a column with the name of the new one.
     #[error("{path} already has a column {name}", path = path.display())]
     Taken {
@@ -128,6 +136,10 @@ impl Failure for TableError {
             Self::DecimalComma { .. } => Some(
                 "write decimal points, or leave the column out with --columns; for a table with semicolons: \
                  `tr , . < TABLE > POINTS`"
+                    .into(),
+            ),
+            Self::Name { .. } => Some(
+                "choose an --id-column without the separator of the table, quotes, blanks and line breaks"
                     .into(),
             ),
             Self::Taken { .. } => Some("name the new column with --id-column".into()),

@@ -104,23 +104,27 @@ impl Table {
         &self.names[column]
     }
 
-    /// Text of the header.
-    pub(super) fn header(&self) -> Option<&str> {
-        self.header.clone().map(|range| &self.text[range])
-    }
-
-    /// Text of each row.
-    pub(super) fn rows(&self) -> impl Iterator<Item = &str> {
-        self.rows.iter().map(|(_, range)| &self.text[range.clone()])
+    /// The text with its byte order mark, and where each row ends in it, without its line end.
+    pub(super) fn text_and_row_ends(&self) -> (&str, impl Iterator<Item = usize>) {
+        (&self.text, self.rows.iter().map(|(_, range)| range.end))
     }
 
     /// Checks that a column `name` can be added.
     ///
     /// # Errors
-    /// [`TableError::Taken`] when there is one in the header.
+    /// When there is a header, [`TableError::Taken`] if it has this name, and [`TableError::Name`] if the
+    /// name would not be one field of it.
     pub fn check_free(&self, name: &str) -> Result<(), TableError> {
-        if self.header.is_some() && self.names.iter().any(|known| known == name) {
-            return Err(TableError::Taken { path: self.path.clone(), name: name.to_owned() });
+        if self.header.is_none() {
+            return Ok(());
+        }
+        let (path, taken) = (self.path.clone(), name.to_owned());
+        if self.names.contains(&taken) {
+            return Err(TableError::Taken { path, name: taken });
+        }
+        let is_one_field = fields(name, self.separator).is_some_and(|fields| fields == [name]);
+        if !is_one_field || name.contains(['\n', '\r']) {
+            return Err(TableError::Name { path, name: taken });
         }
         Ok(())
     }
@@ -276,6 +280,20 @@ mod tests {
         assert!(table.check_free("y").is_ok());
         let error = table.check_free("cluster_id").unwrap_err().to_string();
         assert_eq!(error, "t.csv already has a column cluster_id");
+        let blanks = self::table("x y\n1 2", true).unwrap();
+        for (table, name, is_free) in [
+            (&table, "a;b", true),
+            (&table, "say \"so\"", true),
+            (&table, "a,b", false),
+            (&table, "\"a\"", false),
+            (&table, "a\nb", false),
+            (&table, " a", false),
+            (&blanks, "a,b", true),
+            (&blanks, "a b", false),
+            (&blanks, "", false),
+        ] {
+            assert_eq!(table.check_free(name).is_ok(), is_free, "{name:?}");
+        }
     }
 
     #[test]

@@ -1,23 +1,37 @@
-//! Writes the rows of a table as they were read, with one more column.
+//! Writes a table as it was read, with one more column.
 
 use std::io::{self, Write};
 
 use crate::table::Table;
 
-/// Writes the header (if there is one) and every row of `table` byte for byte, each followed by a new field:
-/// `name` in the header, `values[i]` in row i.
+/// Writes `table` byte for byte, with its byte order mark, line ends and empty lines, and adds a field to the
+/// header (if there is one) and to every row: `name` in the header, `values[i]` in row i. A last row without
+/// a line end gets one.
 ///
 /// # Errors
 /// Those of the writer.
 pub fn write_with_column(table: &Table, name: &str, values: &[u32], to: &mut dyn Write) -> io::Result<()> {
     let separator = table.separator.text();
-    if let Some(header) = table.header() {
-        writeln!(to, "{header}{separator}{name}")?;
+    let (text, row_ends) = table.text_and_row_ends();
+    let mut at = 0;
+    if let Some(header) = &table.header {
+        write!(to, "{}{separator}{name}", &text[..header.end])?;
+        at = header.end;
     }
-    for (row, value) in table.rows().zip(values) {
-        writeln!(to, "{row}{separator}{value}")?;
+    for (end, value) in row_ends.zip(values) {
+        write!(to, "{}{separator}{value}", &text[at..end])?;
+        at = end;
     }
-    Ok(())
+    to.write_all(text[at..].as_bytes())?;
+    if text[at..].is_empty() { to.write_all(line_end(text).as_bytes()) } else { Ok(()) }
+}
+
+/// The line end of a text: that of its first line.
+fn line_end(text: &str) -> &'static str {
+    match text.split_once('\n') {
+        Some((line, _)) if line.ends_with('\r') => "\r\n",
+        _ => "\n",
+    }
 }
 
 #[cfg(test)]
@@ -33,11 +47,16 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_repeated_byte_for_byte() {
+    fn the_table_is_repeated_byte_for_byte() {
         assert_eq!(
             written("x, \"the y\"\r\n1.50, 2\r\n03,4 \r\n", true),
-            "x, \"the y\",cluster_id\n1.50, 2,7\n03,4 ,0\n"
+            "x, \"the y\",cluster_id\r\n1.50, 2,7\r\n03,4 ,0\r\n"
         );
+        assert_eq!(
+            written("\u{feff}\nx;y\n\n1;2\r\n \n3;4\n\n", true),
+            "\u{feff}\nx;y;cluster_id\n\n1;2;7\r\n \n3;4;0\n\n"
+        );
+        assert_eq!(written("1;2\r\n3;4", false), "1;2;7\r\n3;4;0\r\n");
         assert_eq!(written("1\t2\n3\t4", false), "1\t2\t7\n3\t4\t0\n");
         assert_eq!(written("1  2\n3 4\n", false), "1  2 7\n3 4 0\n");
     }
