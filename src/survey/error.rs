@@ -4,20 +4,16 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::error::{ErrorKind, Failure};
+use crate::table::TableError;
 use crate::words::counted;
 
 /// A drive that cannot be surveyed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SurveyError {
-    /// The file cannot be read.
-    #[error("cannot read the trajectory {path}", path = path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
+    /// The trajectory is no table of numbers.
+    #[error(transparent)]
+    Table(#[from] TableError),
     /// The first line does not name the columns.
     #[error("the trajectory {path} has no column {column} in its first line ({found})", path = path.display())]
     Column {
@@ -25,19 +21,7 @@ pub enum SurveyError {
         path: PathBuf,
         /// The column that is missing.
         column: &'static str,
-        /// The first line as it is in the file.
-        found: String,
-    },
-    /// A line without finite numbers in these columns.
-    #[error("line {line} of the trajectory {path} has no finite number in column {column}: {found}", path = path.display())]
-    Number {
-        /// The file.
-        path: PathBuf,
-        /// Line number, from 1.
-        line: usize,
-        /// The column.
-        column: &'static str,
-        /// The line as it is in the file.
+        /// The columns that it has.
         found: String,
     },
     /// Fewer than two positions.
@@ -104,7 +88,8 @@ impl Failure for SurveyError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
-            Self::Column { .. } | Self::Number { .. } => {
+            Self::Table(error @ TableError::Read { .. }) => error.hint(),
+            Self::Column { .. } | Self::Table(_) => {
                 Some("a trajectory is a CSV file whose first line is gps_time,x,y,z".into())
             }
             Self::Position { .. } => Some(
@@ -116,7 +101,7 @@ impl Failure for SurveyError {
                 Some("the trajectory must be of this drive, in the coordinate system and the unit of the points".into())
             }
             Self::Empty { .. } => Some("chainage info FILES... shows how many points each file has".into()),
-            Self::Read { .. } | Self::TooShort { .. } => None,
+            Self::TooShort { .. } => None,
         }
     }
 }

@@ -1,9 +1,10 @@
-//! Reads a trajectory: CSV with the columns `gps_time,x,y,z` (others are ignored), in the coordinates of the
-//! drive.
+//! Reads a trajectory: a table with the columns `gps_time,x,y,z` (others are ignored), in the coordinates of
+//! the drive.
 
 use std::path::Path;
 
 use crate::survey::SurveyError;
+use crate::table::{Table, TableError};
 
 const COLUMNS: [&str; 3] = ["gps_time", "x", "y"];
 
@@ -12,43 +13,38 @@ const COLUMNS: [&str; 3] = ["gps_time", "x", "y"];
 /// # Errors
 /// When the file cannot be read, a column is missing, or a value is not a finite number.
 pub fn read_trajectory(path: &Path) -> Result<Vec<[f64; 2]>, SurveyError> {
-    let text =
-        fs_err::read_to_string(path).map_err(|source| SurveyError::Read { path: path.to_owned(), source })?;
-    let mut lines = text.lines().enumerate();
-    let header = lines.next().map_or("", |line| line.1);
-    let names: Vec<String> = header.split(',').map(|name| name.trim().to_ascii_lowercase()).collect();
-    let mut places = [0; 3];
-    for (place, column) in places.iter_mut().zip(COLUMNS) {
-        *place = names.iter().position(|name| name == column).ok_or_else(|| SurveyError::Column {
-            path: path.to_owned(),
-            column,
-            found: header.chars().take(120).collect(),
-        })?;
-    }
-    let mut rows = Vec::new();
-    for (index, line) in lines.filter(|line| !line.1.trim().is_empty()) {
-        let fields: Vec<&str> = line.split(',').collect();
-        let mut values = [0.0; 3];
-        for ((value, place), column) in values.iter_mut().zip(places).zip(COLUMNS) {
-            *value = fields
-                .get(place)
-                .and_then(|field| field.trim().parse::<f64>().ok())
-                .filter(|number| number.is_finite())
-                .ok_or_else(|| SurveyError::Number {
-                    path: path.to_owned(),
-                    line: index + 1,
-                    column,
-                    found: line.chars().take(120).collect(),
-                })?;
+    let table = match Table::read(path, true) {
+        // A first line of numbers names no column.
+        Err(TableError::NoHeader { path, found }) => {
+            return Err(SurveyError::Column { path, column: COLUMNS[0], found });
         }
-        rows.push(values);
-    }
+        Err(TableError::Empty { path, names }) => {
+            places(&path, &names)?;
+            return Err(SurveyError::TooShort { path, positions: 0 });
+        }
+        table => table?,
+    };
+    let values = table.values(&places(path, table.names())?)?;
+    let mut rows: Vec<&[f64]> = values.chunks_exact(COLUMNS.len()).collect();
     if rows.len() < 2 {
         return Err(SurveyError::TooShort { path: path.to_owned(), positions: rows.len() });
     }
     // A stable sort: positions with equal times stay in file order.
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
     Ok(rows.into_iter().map(|row| [row[1], row[2]]).collect())
+}
+
+/// Where the columns of a trajectory are among those of a table.
+fn places(path: &Path, names: &[String]) -> Result<Vec<usize>, SurveyError> {
+    let place = |column: &'static str| {
+        let found = names.iter().position(|name| name.eq_ignore_ascii_case(column));
+        found.ok_or_else(|| SurveyError::Column {
+            path: path.to_owned(),
+            column,
+            found: names.join(",").chars().take(120).collect(),
+        })
+    };
+    COLUMNS.into_iter().map(place).collect()
 }
 
 #[cfg(test)]
@@ -68,11 +64,29 @@ mod tests {
         assert_eq!(rows, [[10.0, 100.0], [20.0, 200.0]]);
     }
 
+    /// A spreadsheet writes a byte order mark and quotes, and in some languages semicolons.
+    #[test]
+    fn a_trajectory_of_a_spreadsheet_is_read() {
+        for text in [
+            "\u{feff}gps_time,x,y,z\r\n1,10,100,0\r\n2,20,200,0\r\n",
+            "\"gps_time\",\"X\",\"Y\"\n\"1\",\"10\",\"100\"\n2,20,200\n",
+            "GPS_Time;x;y\n1;10;100\n2;20;200\n",
+            "gps_time x y\n1 10 100\n2 20 200\n",
+        ] {
+            assert_eq!(read(text).unwrap(), [[10.0, 100.0], [20.0, 200.0]], "{text}");
+        }
+    }
+
     #[test]
     fn errors_name_line_and_column() {
         assert!(matches!(read("time,x,y\n"), Err(SurveyError::Column { column: "gps_time", .. })));
+        assert!(matches!(read("1,2,3\n4,5,6\n"), Err(SurveyError::Column { column: "gps_time", .. })));
         let error = read("gps_time,x,y\n1,2,3\n2,nan,4\n").unwrap_err();
-        assert!(matches!(error, SurveyError::Number { line: 3, column: "x", .. }), "{error}");
+        let SurveyError::Table(TableError::Number { line, column, .. }) = &error else { panic!("{error}") };
+        assert_eq!((*line, column.as_str()), (3, "x"));
+        let error = read("gps_time,x,y\n1,2,3\n2,4\n").unwrap_err();
+        assert!(error.to_string().contains("line 3"), "{error}");
+        assert!(matches!(read("gps_time,x,y\n"), Err(SurveyError::TooShort { positions: 0, .. })));
         assert!(matches!(read("gps_time,x,y\n1,2,3\n"), Err(SurveyError::TooShort { positions: 1, .. })));
     }
 }

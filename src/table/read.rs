@@ -104,6 +104,12 @@ impl Table {
         &self.names[column]
     }
 
+    /// Names of the columns, or their numbers from 1 if there is no header.
+    #[must_use]
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// The text with its byte order mark, and where each row ends in it, without its line end.
     pub(super) fn text_and_row_ends(&self) -> (&str, impl Iterator<Item = usize>) {
         (&self.text, self.rows.iter().map(|(_, range)| range.end))
