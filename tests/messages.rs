@@ -642,7 +642,19 @@ fn a_list_of_outputs_may_have_blanks_and_surfaces_are_named() {
     assert!(view.contains("unless --no-report or --outputs leaves it out"), "{view}");
 }
 
-/// `-q` exists in every command that shows progress, and leaves only warnings.
+/// A failure inside a measured run is no failure to write.
+#[test]
+fn bench_passes_on_what_a_run_says() {
+    let folder = with_drive();
+    let file = format!("drive/first/{SAMPLE}");
+    let missing = [&file, "-q", "--trajectory", "no.csv"];
+    let run = refused(folder.path(), &[&["run", "-o", "out"], &missing[..]].concat(), 4);
+    assert!(run.contains("no.csv") && run.starts_with("error: "), "{run}");
+    let bench = refused(folder.path(), &[&["bench", "--rounds", "1"], &missing[..]].concat(), 4);
+    assert_eq!(bench, run);
+}
+
+/// `-q` is there where something is shown, and shows warnings only.
 #[test]
 fn quiet_is_the_same_in_every_command_that_shows_progress() {
     let folder = with_drive();

@@ -35,6 +35,9 @@ pub(crate) enum CliError {
     /// Standard output or a file of the command line itself cannot be written.
     #[error("cannot write {target}")]
     Write { target: String, source: io::Error },
+    /// A run in a process of its own failed. It has reported its error in `text`.
+    #[error("{}", text.trim_end())]
+    Run { code: u8, text: String },
     /// The folder has no page to show.
     #[error("{path} has no report.html", path = path.display())]
     NoPage { path: PathBuf },
@@ -64,6 +67,7 @@ impl CliError {
         match self {
             Self::Write { .. } | Self::Serve { .. } => OUTPUT,
             Self::NoPage { .. } => INPUT,
+            Self::Run { code, .. } => *code,
             Self::Library(error) => match error.kind() {
                 ErrorKind::Bug => BUG,
                 ErrorKind::Config => CONFIG,
@@ -87,7 +91,7 @@ impl CliError {
                     .into(),
             ),
             Self::Serve { .. } => Some("choose another --port, or none".into()),
-            Self::Write { .. } => None,
+            Self::Write { .. } | Self::Run { .. } => None,
         }
     }
 
@@ -104,6 +108,9 @@ impl CliError {
     }
 
     fn text(&self) -> String {
+        if let Self::Run { text, .. } = self {
+            return text.clone();
+        }
         let mut text = format!("{} {self}\n", colour::coloured("error:", colour::RED));
         self.causes().for_each(|cause| text.push_str(&format!("caused by: {cause}\n")));
         if let Some(hint) = self.hint() {

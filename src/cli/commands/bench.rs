@@ -1,7 +1,7 @@
 //! `chainage bench`: a run at one and at two threads, each in a process of its own, against the floors.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use chainage::config::{Config, ConfigError};
@@ -125,9 +125,11 @@ impl BenchArgs {
         command.arg("--threads").arg(threads.to_string());
         command.args(self.settings.as_arguments(&["threads"]));
         let output = command.output().map_err(failed)?;
-        let summary: Value = serde_json::from_slice(&output.stdout).map_err(|_| {
-            failed(std::io::Error::other(String::from_utf8_lossy(&output.stderr).trim().to_owned()))
-        })?;
+        if !output.status.success() {
+            return Err(failure(&output));
+        }
+        let summary: Value = serde_json::from_slice(&output.stdout)
+            .map_err(|error| chainage::Error::bug(error.to_string()))?;
         let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
         let passes = summary["passes"].as_array().map_or_else(Vec::new, |passes| {
             passes
@@ -206,7 +208,20 @@ impl BenchArgs {
     }
 }
 
-/// Which run is measured, and the time left, if `done` runs took `seconds`.
+/// The failure of a run, as the run has reported it.
+fn failure(run: &Output) -> CliError {
+    let said = String::from_utf8_lossy(&run.stderr).into_owned();
+    match run.status.code().and_then(|code| u8::try_from(code).ok()) {
+        Some(code) => CliError::Run { code, text: said },
+        // A signal, for example of a system without memory.
+        None => CliError::Run {
+            code: exit::BUG,
+            text: format!("{said}error: the run ended with {}\n", run.status),
+        },
+    }
+}
+
+/// Which run is measured, and the time that is left, when `done` runs took `seconds`.
 fn place(rounds: u16, done: u64, seconds: f64) -> String {
     let (round, threads) = (done / 2, print::counted(done % 2 + 1, "thread"));
     let mut text = match round {
