@@ -16,7 +16,7 @@ const OTHER_UNITS: [(u16, f64); 44] = [
     (9031, 1.000_013_596_5),          // German legal metre
     (9033, 20.116_840_233_680_47),    // US survey chain
     (9034, 0.201_168_402_336_804_7),  // US survey link
-    (9035, 1609.347_218_694_437_5),   // US survey mile
+    (9035, 1_609.347_218_694_437_5),  // US survey mile
     (9036, 1000.0),                   // kilometre
     (9037, 0.914_391_796_2),          // Clarke's yard
     (9038, 20.116_619_516_4),         // Clarke's chain
@@ -42,7 +42,7 @@ const OTHER_UNITS: [(u16, f64); 44] = [
     (9085, 0.914_395_23),             // Indian yard (1937)
     (9086, 0.914_398_8),              // Indian yard (1962)
     (9087, 0.914_398_5),              // Indian yard (1975)
-    (9093, 1609.344),                 // Statute mile
+    (9093, 1_609.344),                // Statute mile
     (9094, 0.304_799_710_181_508_8),  // Gold Coast foot
     (9095, 0.304_800_749_1),          // British foot (1936)
     (9096, 0.9144),                   // yard

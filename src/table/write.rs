@@ -22,7 +22,7 @@ pub fn write_with_column(table: &Table, name: &str, values: &[u32], to: &mut dyn
         write!(to, "{}{separator}{value}", &text[at..end])?;
         at = end;
     }
-    to.write_all(text[at..].as_bytes())?;
+    to.write_all(&text.as_bytes()[at..])?;
     if text[at..].is_empty() { to.write_all(line_end(text).as_bytes()) } else { Ok(()) }
 }
 
