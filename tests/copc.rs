@@ -218,7 +218,7 @@ fn files_with_offsets_beside_the_lattice_become_one_readable_file() {
         let bytes = std::fs::read(out.join(NAME)).expect("the file");
         assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "tiles of {length} m differ");
         assert_eq!(check_cubes(&out.join(NAME)), 140_160);
-        // The written coordinates have the offset of the first file, to which those of the second are rounded.
+        // Written coordinates have the offset of the first file. Those of the second are rounded to it.
         let mut copies = Labelled::read(&inputs, &out);
         copies.at = points.iter().flatten().map(|point| point.mm).collect();
         assert!(multiset(&Labelled::of(&[out.join(NAME)])) == multiset(&copies), "points differ");

@@ -17,6 +17,7 @@ mod error;
 mod part;
 mod runs;
 mod straight;
+mod time_axis;
 mod trajectory;
 
 pub use axis::{Axis, AxisSource};

@@ -7,12 +7,20 @@ use crate::survey::SurveyError;
 use crate::table::{Table, TableError};
 
 const COLUMNS: [&str; 3] = ["gps_time", "x", "y"];
+/// Longest gap in time within a run, in seconds, as between the points of a drive. A trajectory with fewer
+/// positions has a gap where the time is [`GAP_INTERVALS`] times as long as usual.
+const GAP_S: f64 = 4.0;
+/// See [`GAP_S`] (chosen: positions that were thinned by distance are far apart in time at a crossing).
+const GAP_INTERVALS: f64 = 10.0;
+/// Length of a GPS week in seconds.
+const WEEK_S: f64 = 604_800.0;
 
-/// The positions (x, y) of a trajectory in order of time, in the units of the file.
+/// The positions (x, y) of a trajectory in order of time, in the units of the file: a run for each recording
+/// without a gap in time.
 ///
 /// # Errors
 /// When the file cannot be read, a column is missing, or a value is not a finite number.
-pub fn read_trajectory(path: &Path) -> Result<Vec<[f64; 2]>, SurveyError> {
+pub fn read_trajectory(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, SurveyError> {
     let table = match Table::read(path, true) {
         // A first line of numbers names no column.
         Err(TableError::NoHeader { path, found }) => {
@@ -31,7 +39,23 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<[f64; 2]>, SurveyError> {
     }
     // A stable sort: positions with equal times stay in file order.
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    Ok(rows.into_iter().map(|row| [row[1], row[2]]).collect())
+    // Seconds of the GPS week start again from 0 at its end.
+    let wrap = rows.windows(2).position(|pair| pair[1][0] - pair[0][0] > WEEK_S / 2.0);
+    let in_a_week = rows[0][0] >= 0.0 && rows[rows.len() - 1][0] <= WEEK_S;
+    if let Some(wrap) = wrap.filter(|_| in_a_week) {
+        rows.rotate_left(wrap + 1);
+    }
+    let mut intervals: Vec<f64> = rows.windows(2).map(|pair| interval(pair[0], pair[1])).collect();
+    intervals.sort_unstable_by(f64::total_cmp);
+    let longest = (GAP_INTERVALS * intervals[intervals.len() / 2]).max(GAP_S);
+    let runs = rows.chunk_by(|one, next| interval(one, next) <= longest);
+    Ok(runs.map(|run| run.iter().map(|row| [row[1], row[2]]).collect()).collect())
+}
+
+/// Time between two rows in seconds, also over the end of the GPS week.
+fn interval(one: &[f64], next: &[f64]) -> f64 {
+    let seconds = next[0] - one[0];
+    if seconds < 0.0 { seconds + WEEK_S } else { seconds }
 }
 
 /// Where the columns of a trajectory are among those of a table.
@@ -51,7 +75,7 @@ fn places(path: &Path, names: &[String]) -> Result<Vec<usize>, SurveyError> {
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> Result<Vec<[f64; 2]>, SurveyError> {
+    fn read(text: &str) -> Result<Vec<Vec<[f64; 2]>>, SurveyError> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trajectory.csv");
         fs_err::write(&path, text).unwrap();
@@ -61,7 +85,21 @@ mod tests {
     #[test]
     fn columns_are_found_by_name_and_rows_sorted_by_time() {
         let rows = read("heading,gps_time,x,y,z\n0,2,20,200,0\n0,1,10,100,0\n\n").unwrap();
-        assert_eq!(rows, [[10.0, 100.0], [20.0, 200.0]]);
+        assert_eq!(rows, [[[10.0, 100.0], [20.0, 200.0]]]);
+    }
+
+    #[test]
+    fn a_gap_in_time_ends_a_run_and_the_end_of_the_week_does_not() {
+        let track = |times: &[f64]| {
+            let rows = times.iter().enumerate().map(|(x, time)| format!("{time},{x},0\n"));
+            read(&format!("gps_time,x,y\n{}", rows.collect::<String>())).unwrap()
+        };
+        let lengths = |times: &[f64]| track(times).iter().map(Vec::len).collect::<Vec<_>>();
+        assert_eq!(lengths(&[0.0, 1.0, 2.0, 6.0, 7.0]), [5]);
+        assert_eq!(lengths(&[0.0, 1.0, 2.0, 12.5, 13.5]), [3, 2]);
+        assert_eq!(lengths(&[0.0, 5.0, 10.0, 40.0, 45.0]), [5], "positions every 5 s");
+        let wrapped = track(&[604_799.0, 604_800.0, 1.0, 2.0]);
+        assert_eq!(wrapped, [[[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]]);
     }
 
     /// A spreadsheet writes a byte order mark and quotes, and in some languages semicolons.

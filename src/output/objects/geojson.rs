@@ -120,9 +120,9 @@ fn area_vector(ring: &[[f64; 2]], heights: &[f64]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for at in 0..ring.len() {
         let (a, b) = (vertex(at), vertex(at + 1));
-        for axis in 0..3 {
+        for (axis, sum) in sum.iter_mut().enumerate() {
             let (next, last) = ((axis + 1) % 3, (axis + 2) % 3);
-            sum[axis] += (a[next] * b[last] - a[last] * b[next]) / 2.0;
+            *sum += (a[next] * b[last] - a[last] * b[next]) / 2.0;
         }
     }
     sum

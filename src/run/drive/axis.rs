@@ -60,9 +60,11 @@ pub(super) fn find_axis(
     if !path.as_os_str().is_empty() {
         let [unit_m, ..] = drive.catalog.units_m();
         let track = read_trajectory(path)?;
-        let track: Vec<[f64; 2]> = track.into_iter().map(|place| place.map(|value| value * unit_m)).collect();
-        check_near(path, &track, drive, survey)?;
-        if let Some(axis) = Axis::from_positions(AxisSource::Trajectory, &track) {
+        let metres =
+            |run: Vec<[f64; 2]>| run.into_iter().map(|place| place.map(|value| value * unit_m)).collect();
+        let runs: Vec<Vec<[f64; 2]>> = track.into_iter().map(metres).collect();
+        check_near(path, &runs.concat(), drive, survey)?;
+        if let Some(axis) = Axis::from_runs(AxisSource::Trajectory, runs) {
             return Ok(axis);
         }
         warnings.push(format!("the trajectory {} has no length: it is not used", path.display()));

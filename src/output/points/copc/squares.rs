@@ -82,7 +82,7 @@ mod tests {
             let small = |(square, points): (usize, &u64)| *points <= most || squares.level(square) == cells;
             assert!(points.iter().enumerate().all(small), "{most}: {points:?}");
             assert_eq!(squares.list.len() == 1, most >= all);
-            // Every cell of the plane is in the square that starts before it and is as large as its level says.
+            // Every cell of the plane is in the square that starts before it.
             let mut next = 0;
             for (square, (first, level)) in squares.list.iter().enumerate() {
                 assert_eq!(*first, next);
