@@ -111,7 +111,7 @@ mod tests {
             "GPS_Time;x;y\n1;10;100\n2;20;200\n",
             "gps_time x y\n1 10 100\n2 20 200\n",
         ] {
-            assert_eq!(read(text).unwrap(), [[10.0, 100.0], [20.0, 200.0]], "{text}");
+            assert_eq!(read(text).unwrap(), [[[10.0, 100.0], [20.0, 200.0]]], "{text}");
         }
     }
 
