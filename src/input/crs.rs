@@ -529,6 +529,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::float_cmp, reason = "units are constants")]
     fn the_vertical_part_of_a_text_gives_the_unit_of_heights() {
         let unit_m = |vertical: &str| {
             let plane = r#"PROJCS["x",UNIT["US survey foot",0.3048006096012192]]"#;
