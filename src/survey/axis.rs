@@ -6,12 +6,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::spatial::NearestIndex;
-use crate::survey::runs::tracks;
+use crate::survey::runs::{CORRIDOR_M, distance, tracks};
 
 /// Distance between vertices of the axis in metres. It is the resolution of chainage along tiles.
 pub(super) const VERTEX_SPACING_M: f64 = 1.0;
-/// Largest distance between two stretches of the same street, in metres.
-pub(super) const CORRIDOR_M: f64 = 12.0;
 /// Length of the axis behind a vertex that belongs to its own stretch and not to an earlier one, in metres.
 const OWN_STRETCH_M: f64 = 40.0;
 /// Number of vertices at an end of the axis that give the direction of its extension. A single step
@@ -51,8 +49,8 @@ impl Axis {
         Self::from_runs(source, vec![positions.to_vec()])
     }
 
-    /// The axis along runs of positions in metres, in the order of the drive, with a gap in the recording after
-    /// each. `None` if they have no length, or an absurd one.
+    /// The axis along runs of positions in metres, in the order of the drive, with a gap in the recording
+    /// after each. `None` if they have no length, or an absurd one.
     #[must_use]
     pub fn from_runs(source: AxisSource, runs: Vec<Vec<[f64; 2]>>) -> Option<Self> {
         let tracks = tracks(runs);
@@ -207,10 +205,6 @@ impl Axis {
         let is_beyond = if vertex == 0 { along < 0.0 } else { along > 0.0 };
         (length > 0.0 && is_beyond).then(|| (self.chainage[vertex] + along, ux * py - uy * px))
     }
-}
-
-pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 /// Vertices about [`VERTEX_SPACING_M`] apart along `positions`; `None` if the line has no length or an absurd

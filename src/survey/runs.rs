@@ -2,8 +2,8 @@
 //! between two files, and goes on elsewhere: a straight line from one place to the other would lead through
 //! houses.
 
-use super::axis::{CORRIDOR_M, distance};
-
+/// Largest distance between two stretches of the same street, in metres.
+pub(super) const CORRIDOR_M: f64 = 12.0;
 /// Longest gap in the road that is closed by a straight line, in metres (chosen: a few seconds at the speed of
 /// a survey).
 const LONGEST_GAP_M: f64 = 100.0;
@@ -48,6 +48,10 @@ fn end<'a>(mut places: impl Iterator<Item = &'a [f64; 2]>) -> Option<[f64; 2]> {
 /// Direction of the road at the first of these positions.
 fn start(places: &[[f64; 2]]) -> Option<[f64; 2]> {
     end(places.iter()).map(|backwards| backwards.map(|value| -value))
+}
+
+pub(super) fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
 /// Unit vector from one place to another.

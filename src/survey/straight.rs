@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use nalgebra::{Matrix2, SymmetricEigen, Vector2};
 
-use super::axis::{Axis, AxisSource, LONGEST_AXIS_M, VERTEX_SPACING_M, distance, resample};
+use super::axis::{Axis, AxisSource, LONGEST_AXIS_M, VERTEX_SPACING_M, resample};
+use super::runs::distance;
 use crate::model::Lattice;
 use crate::spatial::{Cell, CellGrid, PackedCells};
 

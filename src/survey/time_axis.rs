@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::axis::{Axis, AxisSource, distance};
+use super::axis::{Axis, AxisSource};
+use super::runs::distance;
 use crate::model::Lattice;
 use crate::survey::TimeBin;
 
