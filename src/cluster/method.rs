@@ -253,8 +253,8 @@ pub trait Method: std::fmt::Debug + Send + Sync {
         0.9
     }
 
-    /// Bytes that all steps store per point of the drive, for estimates of the disk space of a run. Measured on
-    /// the four simulated scenes with settings as they are by default: the largest of the four.
+    /// Bytes that all steps store per point of the drive, for estimates of the disk space of a run. Measured
+    /// on the four simulated scenes with the default settings: the largest of the four.
     fn stored_bytes_per_point(&self) -> u64 {
         2
     }

@@ -4,8 +4,8 @@
 
 /// Largest distance between two stretches of the same street, in metres.
 pub(super) const CORRIDOR_M: f64 = 12.0;
-/// Longest gap in the road that is closed by a straight line, in metres (chosen: a few seconds at the speed of
-/// a survey).
+/// Longest gap in the road that is closed by a straight line, in metres (chosen: a few seconds at the speed
+/// of a survey).
 const LONGEST_GAP_M: f64 = 100.0;
 /// Smallest cosine of the angle between the road and the line over a gap: 20 degrees (chosen: a street goes
 /// straight on, or nothing is known of it).

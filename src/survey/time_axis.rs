@@ -41,8 +41,8 @@ impl Axis {
     }
 }
 
-/// The time bins in the order of the drive. Seconds of the GPS week start again from 0 at its end: if there is
-/// a gap of more than half a week between two bins, those before it were recorded in the next week.
+/// The time bins in the order of the drive. Seconds of the GPS week start again from 0 at its end: if there
+/// is a gap of more than half a week between two bins, those before it were recorded in the next week.
 fn in_order(bins: &BTreeMap<i64, TimeBin>) -> Vec<(i64, &TimeBin)> {
     let mut bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
     let in_a_week = bins.iter().all(|(number, _)| (0..=WEEK_BINS).contains(number));

@@ -27,7 +27,8 @@ const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       
 /// Learn the classes of `street` from labelled drives.
 ///
 /// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6
-/// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned). Drives of `chainage synth` have it.
+/// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned). Drives of `chainage synth` have
+/// it.
 /// Where it also has gt_core, only points with gt_core 1 count. Same drives, settings and seed: same bytes.
 ///
 /// A model classifies voxels. A second call, with --onto and other drives, adds the part that names objects
