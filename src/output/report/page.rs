@@ -229,6 +229,18 @@ impl Page<'_> {
     }
 }
 
+/// Before the values of the run in a page, and behind them. The values have no `<`, see [`json`].
+const RUN: [&str; 2] = ["<script type=\"application/json\" id=\"data-run\">", "</script>"];
+
+/// A page with changed values of the run; `None` if it has none.
+pub(crate) fn with_run(page: &str, change: impl FnOnce(&mut Value)) -> Option<String> {
+    let (before, rest) = page.split_once(RUN[0])?;
+    let (run, after) = rest.split_once(RUN[1])?;
+    let mut run: Value = serde_json::from_str(run).ok()?;
+    change(&mut run);
+    Some([before, RUN[0], &json(&run).ok()?, RUN[1], after].concat())
+}
+
 /// Writes the markup with every `{{name}}` replaced by its part. Parts are not searched again.
 fn fill(markup: &str, parts: &[(&str, &str)], out: &mut dyn Write) -> io::Result<()> {
     let mut rest = markup;
