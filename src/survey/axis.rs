@@ -1,5 +1,6 @@
-//! The axis of the drive: a polyline in the plane along which chainage is measured. Of the results, only the
-//! columns chainage and offset of the object table depend on it. Tiles follow it only to be compact.
+//! The axis of the drive: a polyline in the plane along which chainage is measured. Of the results, only
+//! columns of the object table depend on it: chainage and offset, clearances over the roadway, and the fronts
+//! of buildings, where these stand. Tiles follow it only to be compact.
 
 use std::collections::BTreeMap;
 

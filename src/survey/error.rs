@@ -25,7 +25,7 @@ pub enum SurveyError {
         found: String,
     },
     /// Fewer than two positions.
-    #[error("the trajectory {path} has {positions} of the at least 2 positions that are needed", path = path.display())]
+    #[error("the trajectory {path} has too few positions: {positions}, at least 2 are needed", path = path.display())]
     TooShort {
         /// The file.
         path: PathBuf,
