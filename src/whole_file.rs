@@ -40,6 +40,57 @@ impl WholeFile {
     }
 }
 
+/// Number of files that are synced at the same time. A disk or a server merges what it is asked for at once:
+/// 400 files of 8 kB took 3.9 ms each one after the other, 0.5 ms each by 8 threads, and no less by 32.
+const SYNCED_AT_ONCE: usize = 8;
+
+/// Number of files that are open to be finished together. Chosen: two for each thread, and few against the
+/// limit of open files.
+pub(crate) const FINISHED_TOGETHER: usize = 2 * SYNCED_AT_ONCE;
+
+/// Syncs each of `items` with `sync`, several at the same time. Returns the result of each in order.
+pub(crate) fn sync_each<T: Sync>(
+    items: &[T],
+    sync: impl Fn(&T) -> io::Result<()> + Sync,
+) -> Vec<io::Result<()>> {
+    if items.len() < 2 {
+        return items.iter().map(sync).collect();
+    }
+    let sync = &sync;
+    let part = items.len().div_ceil(SYNCED_AT_ONCE);
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = items
+            .chunks(part)
+            .map(|part| (part, scope.spawn(move || part.iter().map(sync).collect::<Vec<_>>())))
+            .collect();
+        let ended = |(part, thread): (&[T], std::thread::ScopedJoinHandle<'_, Vec<io::Result<()>>>)| {
+            let lost = |_| part.iter().map(|_| Err(io::Error::other("a thread ended"))).collect();
+            thread.join().unwrap_or_else(lost)
+        };
+        threads.into_iter().flat_map(ended).collect()
+    })
+}
+
+/// Syncs files of one folder and gives them their names, as [`WholeFile::finish`] does with one of them. The
+/// folder is synced once. Returns the result of each in order.
+pub(crate) fn finish_together(mut files: Vec<WholeFile>) -> Vec<io::Result<()>> {
+    let flushed: Vec<io::Result<()>> = files.iter_mut().map(|file| file.file.flush()).collect();
+    let synced = sync_each(&files, |file| file.file.get_ref().sync_all());
+    let mut results: Vec<io::Result<()>> = Vec::with_capacity(files.len());
+    for ((file, flushed), synced) in files.iter().zip(flushed).zip(synced) {
+        results.push(flushed.and(synced).and_then(|()| fs_err::rename(&file.temporary, &file.path)));
+    }
+    if let Some(file) = files.first()
+        && results.iter().any(Result::is_ok)
+        && let Err(error) = sync_folder(&file.path)
+    {
+        for result in results.iter_mut().filter(|result| result.is_ok()) {
+            *result = Err(io::Error::new(error.kind(), error.to_string()));
+        }
+    }
+    results
+}
+
 /// Ending of temporary names.
 const ENDING: &str = ".part";
 
@@ -150,6 +201,25 @@ mod tests {
         write(&path, |to| to.write_all(b"half").and(Err(io::ErrorKind::StorageFull.into()))).unwrap_err();
         assert_eq!(fs_err::read_to_string(&path).unwrap(), "two");
         assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+    }
+
+    #[test]
+    fn of_files_that_are_finished_together_only_those_that_fail_have_no_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |number: usize| folder.path().join(format!("unit-{number}"));
+        std::fs::create_dir(path(7)).unwrap();
+        let file = |number: usize| {
+            let mut file = WholeFile::create(&path(number)).unwrap();
+            file.write_all(&number.to_le_bytes()).unwrap();
+            file
+        };
+        let results = finish_together((0..20).map(file).collect());
+        let failed: Vec<usize> = (0..20).filter(|&number| results[number].is_err()).collect();
+        assert_eq!(failed, [7]);
+        for number in (0..20).filter(|&number| number != 7) {
+            assert_eq!(fs_err::read(path(number)).unwrap(), number.to_le_bytes());
+        }
+        assert_eq!(folder.path().read_dir().unwrap().count(), 20, "a temporary file is left");
     }
 
     #[test]

@@ -109,6 +109,12 @@ impl Catalog {
         self.first_ids[file]
     }
 
+    /// The file of a point: the last one that begins at it or before it, because files without points begin
+    /// where the next one does.
+    pub(crate) fn file_of(&self, id: PointId) -> usize {
+        file_at(&self.first_ids, id)
+    }
+
     /// Problems of the drive that do not prevent processing, with the names of the files.
     #[must_use]
     pub fn warnings(&self) -> &[String] {
@@ -128,6 +134,10 @@ impl Catalog {
     pub fn units_m(&self) -> [f64; 3] {
         self.units_m
     }
+}
+
+fn file_at(first_ids: &[PointId], id: PointId) -> usize {
+    first_ids.partition_point(|first| *first <= id).saturating_sub(1)
 }
 
 /// Name of the cloud-optimised file of a run.
@@ -318,5 +328,18 @@ fn note_units([plan_m, _, height_m]: [f64; 3], warnings: &mut Vec<String>) {
         warnings.push(format!(
             "coordinates are in {unit}; tables have coordinates in these units and lengths in metres"
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_is_in_the_last_file_that_begins_before_it() {
+        // 3, 0, 2, 0 and 4 points.
+        let first_ids = [0, 3, 3, 5, 5].map(PointId::new);
+        let files: Vec<usize> = (0..9).map(|id| file_at(&first_ids, PointId::new(id))).collect();
+        assert_eq!(files, [0, 0, 0, 2, 2, 4, 4, 4, 4]);
     }
 }

@@ -2,6 +2,7 @@
 //! is complete.
 
 use std::fs::File;
+use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ use crate::spill::Spill;
 use crate::store::unit_file::{self, Refusal};
 use crate::store::wait::waited_for;
 use crate::store::{Fingerprint, Inputs, StaleReason, StoreError};
-use crate::whole_file;
+use crate::whole_file::{self, FINISHED_TOGETHER, WholeFile};
 
 /// Name of the record of the values that the pass depends on.
 const INPUTS: &str = "inputs.json";
@@ -132,7 +133,7 @@ impl PassDir {
     }
 
     /// Turns an error of the system into an error about this folder.
-    pub(crate) fn failed(&self, action: &'static str) -> impl Fn(std::io::Error) -> StoreError + use<> {
+    pub(crate) fn failed(&self, action: &'static str) -> impl Fn(io::Error) -> StoreError + use<> {
         let path = self.folder.clone();
         move |source| StoreError::Io { action, path: path.clone(), source }
     }
@@ -200,7 +201,7 @@ impl PassDir {
         let path = self.folder.join(COMPLETE);
         match fs_err::read(&path) {
             Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok() == Some(self.complete(units))),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(false),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
             Err(source) => Err(StoreError::Io { action: "read", path, source }),
         }
     }
@@ -219,7 +220,7 @@ impl PassDir {
         match fs_err::read(&path) {
             // If this record is damaged, the run goes on, because each unit file has its own fingerprint.
             Ok(bytes) => Ok(serde_json::from_slice(&bytes).ok()),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(source) => Err(StoreError::Io { action: "read", path, source }),
         }
     }
@@ -256,7 +257,7 @@ impl PassDir {
         let path = self.unit_path(unit);
         let file = match File::open(&path) {
             Ok(file) => file,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(UnitState::Missing),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(UnitState::Missing),
             Err(source) => return Err(StoreError::Io { action: "open", path, source }),
         };
         let failed = StoreError::io("read", &path);
@@ -339,7 +340,7 @@ impl PassDir {
     pub fn stored_units(&self) -> Result<Vec<usize>, StoreError> {
         let entries = match fs_err::read_dir(&self.folder) {
             Ok(entries) => entries,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             Err(source) => return Err(StoreError::Io { action: "read", path: self.folder.clone(), source }),
         };
         let mut units = Vec::new();
@@ -360,8 +361,8 @@ impl PassDir {
         // A worker with the previous settings can store a unit while the folder is emptied.
         for _ in 0..CLEARED_AGAIN {
             match fs_err::remove_dir_all(&self.folder) {
-                Err(error) if error.kind() == std::io::ErrorKind::DirectoryNotEmpty => {}
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => {}
+                Err(error) if error.kind() != io::ErrorKind::NotFound => {
                     return Err(StoreError::Io {
                         action: "remove",
                         path: self.folder.clone(),
@@ -374,7 +375,7 @@ impl PassDir {
         Err(StoreError::Io {
             action: "remove",
             path: self.folder.clone(),
-            source: std::io::ErrorKind::DirectoryNotEmpty.into(),
+            source: io::ErrorKind::DirectoryNotEmpty.into(),
         })
     }
 
@@ -389,7 +390,7 @@ impl PassDir {
     fn remove(&self, path: &Path) -> Result<(), StoreError> {
         match fs_err::remove_file(path) {
             Ok(()) => whole_file::sync_folder(path).map_err(StoreError::io("sync", &self.folder)),
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(source) => Err(StoreError::Io { action: "remove", path: path.to_owned(), source }),
         }
     }
@@ -405,18 +406,39 @@ impl PassDir {
     /// # Errors
     /// When it cannot be written.
     pub fn commit(&self, unit: usize, payload: &[u8]) -> Result<(), StoreError> {
-        let path = self.unit_path(unit);
-        let written = whole_file::write(&path, |to| {
-            unit_file::write(to, Self::number(unit), self.fingerprint, payload)
-        });
+        self.commit_together(&[(unit, payload)]).pop().unwrap_or(Ok(()))
+    }
+
+    /// Stores the results of several units, as [`Self::commit`] does with one. Returns the result of each in
+    /// order. To sync many small files together takes a fraction of the time.
+    pub(crate) fn commit_together(&self, units: &[(usize, &[u8])]) -> Vec<Result<(), StoreError>> {
+        units.chunks(FINISHED_TOGETHER).flat_map(|units| self.commit_some(units)).collect()
+    }
+
+    fn commit_some(&self, units: &[(usize, &[u8])]) -> Vec<Result<(), StoreError>> {
+        let mut results: Vec<io::Result<()>> = Vec::with_capacity(units.len());
+        let mut written = Vec::with_capacity(units.len());
+        for &(unit, payload) in units {
+            let file = WholeFile::create(&self.unit_path(unit)).and_then(|mut to| {
+                unit_file::write(&mut to, Self::number(unit), self.fingerprint, payload).map(|()| to)
+            });
+            results.push(file.map(|file| written.push(file)));
+        }
+        let mut finished = whole_file::finish_together(written).into_iter();
+        for result in results.iter_mut().filter(|result| result.is_ok()) {
+            *result = finished.next().unwrap_or(Ok(()));
+        }
+        units.iter().zip(results).map(|(&(unit, _), result)| self.committed(unit, result)).collect()
+    }
+
+    /// What came of storing a unit.
+    fn committed(&self, unit: usize, written: io::Result<()>) -> Result<(), StoreError> {
         match written {
             // Other processes completed the pass in the meantime, and removed our temporary file.
-            Err(error)
-                if error.kind() == std::io::ErrorKind::NotFound && self.state(unit)? == UnitState::Done =>
-            {
+            Err(error) if error.kind() == io::ErrorKind::NotFound && self.state(unit)? == UnitState::Done => {
                 Ok(())
             }
-            written => written.map_err(StoreError::io("write", &path)),
+            written => written.map_err(StoreError::io("write", &self.unit_path(unit))),
         }
     }
 

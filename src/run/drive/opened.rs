@@ -77,8 +77,7 @@ impl Drive {
 
     /// File and record of a point.
     pub(crate) fn locate(&self, id: PointId) -> (usize, u64) {
-        let file =
-            (0..self.catalog.files().len()).rfind(|&file| self.catalog.first_id(file) <= id).unwrap_or(0);
+        let file = self.catalog.file_of(id);
         (file, id - self.catalog.first_id(file))
     }
 

@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use crossbeam_channel::bounded;
+use crossbeam_channel::{bounded, select};
 use serde_json::json;
 
 use crate::error::{Error, Result, panic_text};
@@ -149,8 +149,11 @@ impl Keeper<'_> {
             failures.push((unit, error));
             return failures;
         }
-        for (unit, seconds, payload) in done {
-            match self.dir.commit(unit, &payload) {
+        let units: Vec<(usize, &[u8])> =
+            done.iter().map(|(unit, _, payload)| (*unit, &payload[..])).collect();
+        let committed = self.dir.commit_together(&units);
+        for (&(unit, seconds, _), committed) in done.iter().zip(committed) {
+            match committed {
                 Ok(()) => {
                     self.dir.clear_failure(unit);
                     let points = pass.points(unit);
@@ -168,6 +171,11 @@ impl Keeper<'_> {
         self.run_dir.log_event(&event.to_json().to_string());
     }
 }
+
+/// Largest payload that counts as small, and number of small ones that may wait to be stored together.
+/// Chosen: they take 4 MiB at most, and syncing so many at once takes about an eighth of the time.
+const SMALL_BYTES: usize = 1 << 16;
+const SMALL_TOGETHER: usize = 64;
 
 /// A unit that a worker has finished.
 struct Computed {
@@ -190,10 +198,11 @@ fn on_workers<P: Pass>(
     // The channel has no buffer, so every unit that was handed over is in progress.
     let (jobs, inbox) = bounded::<(usize, u64)>(0);
     let (report, results) = bounded(workers);
+    let (report_small, small_results) = bounded(SMALL_TOGETHER);
     std::thread::scope(|scope| {
         for _ in 0..workers {
             let inbox = inbox.clone();
-            let report = report.clone();
+            let (report, report_small) = (report.clone(), report_small.clone());
             let flight = &flight;
             scope.spawn(move || {
                 for (unit, bytes) in inbox {
@@ -201,13 +210,15 @@ fn on_workers<P: Pass>(
                     let payload = compute_unit(pass, unit);
                     flight.land(bytes);
                     let seconds = began.elapsed().as_secs_f64();
+                    let is_small = payload.as_ref().is_ok_and(|payload| payload.len() <= SMALL_BYTES);
+                    let report = if is_small { &report_small } else { &report };
                     if report.send(Computed { unit, seconds, payload }).is_err() {
                         break;
                     }
                 }
             });
         }
-        drop((inbox, report));
+        drop((inbox, report, report_small));
         let flight = &flight;
         scope.spawn(move || {
             for &unit in units {
@@ -219,8 +230,14 @@ fn on_workers<P: Pass>(
                 }
             }
         });
-        for first in &results {
-            receive(std::iter::once(first).chain(results.try_iter()).collect());
+        loop {
+            let first = select! { recv(results) -> first => first, recv(small_results) -> first => first };
+            // One channel has ended when all workers have: what is left is in the other.
+            let Ok(first) = first.or_else(|_| results.recv()).or_else(|_| small_results.recv()) else {
+                break;
+            };
+            let others = results.try_iter().chain(small_results.try_iter().take(SMALL_TOGETHER));
+            receive(std::iter::once(first).chain(others).collect());
         }
     });
 }
@@ -304,6 +321,7 @@ pub(crate) fn compute<P: Pass>(pass: &P, limits: Limits) -> Result<Vec<Vec<u8>>>
 #[cfg(test)]
 mod tests {
     use std::sync::atomic::AtomicUsize;
+    use std::time::Duration;
 
     use super::*;
     use crate::run::engine::Silent;
@@ -314,7 +332,15 @@ mod tests {
     /// A pass of units that write beside their payloads, and whose first sync fails.
     struct Failing {
         outline: Outline,
+        units: usize,
         syncs: AtomicUsize,
+    }
+
+    impl Failing {
+        fn new(units: usize, syncs: usize) -> Self {
+            let syncs = AtomicUsize::new(syncs);
+            Self { outline: Outline::new(1, "failing", Inputs::new()), units, syncs }
+        }
     }
 
     impl Pass for Failing {
@@ -325,7 +351,7 @@ mod tests {
         }
 
         fn units(&self) -> usize {
-            8
+            self.units
         }
 
         fn points(&self, _unit: usize) -> u64 {
@@ -343,7 +369,10 @@ mod tests {
         fn sync(&self) -> Result<()> {
             match self.syncs.fetch_add(1, Ordering::Relaxed) {
                 0 => Err(Error::bug("the disk lost what was written")),
-                _ => Ok(()),
+                _ => {
+                    std::thread::sleep(Duration::from_millis(20));
+                    Ok(())
+                }
             }
         }
 
@@ -366,7 +395,7 @@ mod tests {
     fn a_worker_adds_nothing_to_a_pass_that_was_opened_with_other_settings() {
         let out = tempfile::tempdir().unwrap();
         let run_dir = RunDir::open(out.path(), false).unwrap();
-        let pass = Failing { outline: Outline::new(1, "failing", Inputs::new()), syncs: AtomicUsize::new(1) };
+        let pass = Failing::new(8, 1);
         let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
         dir.prepare().unwrap();
         let cancel = CancelToken::default();
@@ -384,7 +413,7 @@ mod tests {
     fn after_a_failed_sync_no_unit_of_the_call_is_committed() {
         let out = tempfile::tempdir().unwrap();
         let run_dir = RunDir::open(out.path(), false).unwrap();
-        let pass = Failing { outline: Outline::new(1, "failing", Inputs::new()), syncs: AtomicUsize::new(0) };
+        let pass = Failing::new(8, 0);
         let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
         dir.prepare().unwrap();
         let cancel = CancelToken::default();
@@ -397,5 +426,21 @@ mod tests {
         // The next call computes all of them.
         assert_eq!(keeper.execute(&pass, &units).unwrap().resumed, 0);
         assert!(units.iter().all(|&unit| dir.state(unit).unwrap() == UnitState::Done));
+    }
+
+    /// A drive in thousands of small files has as many units, and a disk syncs some hundred times a second.
+    #[test]
+    fn many_small_units_are_stored_together() {
+        let out = tempfile::tempdir().unwrap();
+        let run_dir = RunDir::open(out.path(), false).unwrap();
+        let pass = Failing::new(512, 1);
+        let dir = run_dir.pass(&pass.outline.folder, pass.outline.depends.clone());
+        dir.prepare().unwrap();
+        let cancel = CancelToken::default();
+        let units: Vec<usize> = (0..512).collect();
+        keeper(&run_dir, &dir, &cancel, true).execute(&pass, &units).unwrap();
+        assert!(dir.not_done_now(&units).unwrap().is_empty());
+        let syncs = pass.syncs.into_inner() - 1;
+        assert!(syncs <= 32, "{syncs} syncs for 512 units");
     }
 }

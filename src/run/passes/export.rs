@@ -6,8 +6,9 @@
 //! chunk   := records (u32) bytes (u64) the chunk
 //! ```
 
+use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -24,9 +25,10 @@ use crate::run::drive::Drive;
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::finish::mark;
 use crate::run::passes::copies::{Copies, Labels, Shown};
+use crate::run::passes::naming::Naming;
 use crate::run::passes::relabel::PointColumns;
 use crate::store::{Inputs, PassDir, RunDir, StoreError};
-use crate::whole_file::publish;
+use crate::whole_file::{sync_each, sync_folder};
 
 const NUMBER: u32 = 7;
 const NAME: &str = "export";
@@ -57,6 +59,14 @@ struct Target {
     part: PathBuf,
     /// Whether anything was written to it since the last sync started.
     unsynced: AtomicBool,
+}
+
+impl Target {
+    /// Length of an uncompressed copy in bytes. That of a compressed one is known at its end.
+    fn whole_length(&self) -> Option<u64> {
+        let whole = self.labelled.epilogue_offset() + self.labelled.epilogue_len();
+        (!self.labelled.is_compressed()).then_some(whole)
+    }
 }
 
 pub(crate) struct ExportPass<'a> {
@@ -192,21 +202,17 @@ impl<'a> ExportPass<'a> {
         }
     }
 
-    /// Whether the finished copy of a file has its name and its length. The intent to rename it is on disk
-    /// before the rename, so a missing temporary file means that it was renamed.
-    fn is_named(&self, file: usize, dir: &PassDir) -> Result<bool> {
+    /// Whether the finished copy of a file has its name.
+    fn is_named(&self, naming: &Naming<'_>, file: usize) -> bool {
         let target = &self.targets[file];
-        let meant = self.run_dir.read_json::<String>(&intent(file))?;
-        let path = self.run_dir.out().join(target.labelled.name());
-        let length = fs_err::metadata(path).ok().map(|facts| facts.len());
-        Ok(length.is_some_and(|length| meant == Some(meaning(dir, length))) && !target.part.exists())
+        naming.has(file, &self.run_dir.out().join(target.labelled.name()), &target.part)
     }
 
     /// Whether the temporary file of a copy is no longer needed. A unit can be lost after the copy has its
     /// name. The units of an uncompressed copy do not contain its records, so all of its records are then
     /// written again.
-    fn is_complete(&self, file: usize, dir: &PassDir) -> Result<bool> {
-        if !self.is_named(file, dir)? {
+    fn is_complete(&self, naming: &Naming<'_>, file: usize, dir: &PassDir) -> Result<bool> {
+        if !self.is_named(naming, file) {
             return Ok(false);
         }
         if self.targets[file].labelled.is_compressed() {
@@ -295,28 +301,19 @@ fn unpack(mut payload: &[u8]) -> Result<Vec<(u32, Vec<u8>)>> {
     Ok(chunks)
 }
 
-/// Path of the file that records the intent to rename the copy of a file.
-fn intent(file: usize) -> String {
-    format!("export/{file:05}.json")
-}
-
-/// The content of the intent: the state that the copy belongs to, and its length in bytes. A copy that was
-/// truncated since is written again.
-fn meaning(dir: &PassDir, length: u64) -> String {
-    format!("{} {length}", dir.fingerprint())
-}
-
 fn length(records: &Range<u64>) -> u64 {
     records.end - records.start
 }
 
-/// Opens the temporary file of a copy, which `prepare` has created, for writing only. Then a network file
-/// system sends just the written bytes, and never whole pages with old bytes of other writers.
+/// Opens the temporary file of a copy, which `prepare` has created.
 fn open_part(target: &Target) -> Result<File, OutputError> {
-    File::options()
-        .write(true)
-        .open(&target.part)
-        .map_err(|source| OutputError::Write { path: target.part.clone(), source })
+    open_to_write(&target.part).map_err(|source| OutputError::Write { path: target.part.clone(), source })
+}
+
+/// Opens a file for writing only. Then a network file system sends just the written bytes, and never
+/// whole pages with old bytes of other writers.
+fn open_to_write(path: &Path) -> io::Result<File> {
+    File::options().write(true).open(path)
 }
 
 /// The result of the pass.
@@ -392,15 +389,17 @@ impl Pass for ExportPass<'_> {
     }
 
     fn sync(&self) -> Result<()> {
-        for target in self.targets.iter().filter(|target| target.unsynced.swap(false, Ordering::Acquire)) {
-            let failed = |source| OutputError::Write { path: target.part.clone(), source };
-            let synced = open_part(target).and_then(|part| part.sync_data().map_err(failed));
-            if let Err(error) = synced {
+        let written = |target: &&Target| target.unsynced.swap(false, Ordering::Acquire);
+        let targets: Vec<&Target> = self.targets.iter().filter(written).collect();
+        let sync = |target: &&Target| open_to_write(&target.part)?.sync_data();
+        let mut result = Ok(());
+        for (target, synced) in targets.iter().zip(sync_each(&targets, sync)) {
+            if let Err(source) = synced {
                 target.unsynced.store(true, Ordering::Release);
-                return Err(error.into());
+                result = Err(OutputError::Write { path: target.part.clone(), source }.into());
             }
         }
-        Ok(())
+        result
     }
 
     /// Makes sure that the bytes of finished units exist. If the temporary file of a copy was lost, or was
@@ -413,18 +412,20 @@ impl Pass for ExportPass<'_> {
         }
         let folder = run_dir.path("export");
         fs_err::create_dir_all(&folder).map_err(StoreError::io("create", &folder))?;
-        let ours = |path: &Path| self.targets.iter().any(|target| target.part == path);
+        let ours: BTreeSet<&Path> = self.targets.iter().map(|target| &*target.part).collect();
         for entry in fs_err::read_dir(&folder).map_err(StoreError::io("read", &folder))? {
             let path = entry.map_err(StoreError::io("read", &folder))?.path();
-            if path.extension().is_some_and(|ending| ending == "part") && !ours(&path) {
+            if path.extension().is_some_and(|ending| ending == "part") && !ours.contains(&*path) {
                 fs_err::remove_file(&path).map_err(StoreError::io("remove", &path))?;
             }
         }
-        let fingerprint = dir.fingerprint().to_string();
+        let naming = Naming::read(run_dir, dir)?;
+        let mut begun = None;
         for (file, target) in self.copied() {
-            let record = format!("export/{file:05}.begun.json");
-            let begun = run_dir.read_json::<String>(&record)?.is_some_and(|stored| stored == fingerprint);
-            if self.is_complete(file, dir)? || (begun && target.part.exists()) {
+            // A file of another length is one whose beginning was interrupted.
+            let length = fs_err::metadata(&target.part).map(|facts| facts.len()).ok();
+            let whole = length.is_some() && target.whole_length().is_none_or(|whole| length == Some(whole));
+            if whole || self.is_complete(&naming, file, dir)? {
                 continue;
             }
             for (unit, _) in self.units.iter().enumerate().filter(|(_, unit)| unit.file == file) {
@@ -435,19 +436,22 @@ impl Pass for ExportPass<'_> {
                 }
             }
             if let Err(source) = std::fs::remove_file(&target.part)
-                && source.kind() != std::io::ErrorKind::NotFound
+                && source.kind() != io::ErrorKind::NotFound
             {
                 return Err(OutputError::Write { path: target.part.clone(), source }.into());
             }
             let failed = |source| OutputError::Write { path: target.part.clone(), source };
             let part = File::create(&target.part).map_err(failed)?;
-            if !target.labelled.is_compressed() {
-                // The file gets its full length at once, so that each unit is the only writer of its range of
-                // bytes.
-                let end = target.labelled.epilogue_offset() + target.labelled.epilogue_len();
-                part.set_len(end).map_err(failed)?;
+            // The file gets its full length at once, so that each unit is the only writer of its range of
+            // bytes.
+            if let Some(whole) = target.whole_length() {
+                part.set_len(whole).map_err(failed)?;
             }
-            run_dir.write_json(&record, &fingerprint)?;
+            begun = Some(target);
+        }
+        // The names are durable before units count that wrote to these files.
+        if let Some(target) = begun {
+            sync_folder(&target.part).map_err(StoreError::io("sync", &folder))?;
         }
         Ok(())
     }
@@ -461,10 +465,11 @@ impl Pass for ExportPass<'_> {
         }
         let dir = payloads.dir()?;
         let run_dir = self.run_dir;
+        let mut naming = Naming::read(run_dir, dir)?;
         for (file, target) in self.copied() {
             let path = run_dir.out().join(target.labelled.name());
             let failed = |source| OutputError::Write { path: path.clone(), source };
-            if self.is_named(file, dir)? {
+            if self.is_named(&naming, file) {
                 continue;
             }
             let part = open_part(target)?;
@@ -480,11 +485,9 @@ impl Pass for ExportPass<'_> {
             }
             writer.flush().map_err(failed)?;
             drop(writer);
-            part.sync_all().map_err(failed)?;
-            let length = part.metadata().map_err(failed)?.len();
-            run_dir.write_json(&intent(file), &meaning(dir, length))?;
-            publish(&target.part, &path).map_err(failed)?;
+            naming.add(file, part, &target.part, path)?;
         }
+        naming.finish()?;
         let names = self.copied().map(|(_, target)| target.labelled.name().to_owned()).collect();
         Ok(Exported { names, points })
     }

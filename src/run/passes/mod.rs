@@ -9,6 +9,7 @@ pub(crate) mod fields;
 pub(crate) mod ground;
 pub(crate) mod inventory;
 pub(crate) mod method;
+mod naming;
 pub(crate) mod relabel;
 pub(crate) mod scatter;
 mod sections;
