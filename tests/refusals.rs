@@ -324,13 +324,18 @@ fn blocks_may_be_read_on_any_thread_in_any_order() {
 
 /// A file with the sample's points and a well-known text.
 fn with_wkt(wkt: &str) -> Vec<u8> {
+    with_record(2112, wkt.as_bytes())
+}
+
+/// A file with the sample's points and a record about the coordinate system.
+fn with_record(id: u16, payload: &[u8]) -> Vec<u8> {
     let bytes = sample(LAS);
     let start = u32::from_le_bytes(bytes[96..100].try_into().expect("four bytes"));
     let mut record = vec![0; 54];
     put(&mut record, 2, b"LASF_Projection");
-    put(&mut record, 18, &2112_u16.to_le_bytes());
-    put(&mut record, 20, &u16::try_from(wkt.len()).expect("short").to_le_bytes());
-    record.extend_from_slice(wkt.as_bytes());
+    put(&mut record, 18, &id.to_le_bytes());
+    put(&mut record, 20, &u16::try_from(payload.len()).expect("short").to_le_bytes());
+    record.extend_from_slice(payload);
     let mut new = bytes[..227].to_vec();
     put(&mut new, 96, &(start + u32::try_from(record.len()).expect("short")).to_le_bytes());
     let count = u32::from_le_bytes(bytes[100..104].try_into().expect("four bytes"));
@@ -450,4 +455,34 @@ fn a_file_that_changes_is_noticed() {
     assert!(text.starts_with("Changed"), "{text}");
     std::fs::remove_file(&path).expect("removed");
     assert!(matches!(file.check_unchanged(), Err(InputError::Read { .. })));
+}
+
+#[test]
+fn a_system_that_is_not_understood_is_told_and_its_text_is_kept() {
+    let folder = Folder::new();
+    let text = "PROJCS[\"of the site\",UNIT[\"metre\",1]";
+    let cut = folder.file("cut.las", &with_wkt(text));
+    let catalog = open(std::slice::from_ref(&cut)).expect("accepted");
+    let crs = catalog.crs();
+    assert_eq!(crs.description, "given but not understood (coordinates are taken as metres)");
+    assert_eq!((crs.is_known(), crs.epsg, crs.text()), (false, None, Some(text)));
+    let told = |catalog: &Catalog| {
+        let texts = catalog.warnings().iter();
+        texts.filter(|text| text.contains("given but not understood (well-known text)")).count()
+    };
+    assert_eq!(told(&catalog), 1, "{:?}", catalog.warnings());
+    assert!(!catalog.warnings()[0].contains("  "), "{:?}", catalog.warnings());
+    let options = InputOptions { unit: LengthUnit::Foot, ..InputOptions::default() };
+    let in_feet = Catalog::open(std::slice::from_ref(&cut), &options).expect("accepted");
+    assert_eq!(in_feet.crs().description, "given but not understood (input.unit is foot)");
+    // Another file of the drive has a system that is understood, and it is that of all.
+    let right = folder.file("right.las", &with_wkt("PROJCS[\"of the site\",UNIT[\"metre\",1]]"));
+    let both = open(&[cut, right]).expect("accepted");
+    assert_eq!((both.crs().description.as_str(), told(&both)), ("of the site", 1));
+    // Keys that promise more than they have.
+    let keys: Vec<u8> = [1_u16, 1, 0, 9].iter().flat_map(|word| word.to_le_bytes()).collect();
+    let keys = with_record(34_735, &keys);
+    let catalog = open_bytes(&keys).expect("accepted");
+    assert!(catalog.crs().description.starts_with("given but not understood"), "{:?}", catalog.crs());
+    assert!(catalog.warnings()[0].contains("(GeoTIFF keys)"), "{:?}", catalog.warnings());
 }

@@ -275,7 +275,12 @@ fn common_crs(files: &[InputFile], unit: LengthUnit, warnings: &mut Vec<String>)
             first.crs().description
         ));
     }
-    Ok(first.map_or_else(|| Crs::unknown(unit), |first| first.crs().clone()))
+    let given = files.iter().find(|file| file.crs().not_understood);
+    Ok(match (first, given) {
+        (Some(first), _) => first.crs().clone(),
+        (None, Some(given)) => given.crs().in_unit(unit),
+        (None, None) => Crs::unknown(unit),
+    })
 }
 
 /// Two systems, each with its unit unless this is the metre, and with that of heights if the two differ in

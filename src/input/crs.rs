@@ -14,6 +14,9 @@ use crate::words::decimal;
 
 /// Bit of the global encoding: the system is given as well-known text.
 const WKT_BIT: u16 = 1 << 4;
+/// Why a system has no name.
+const NOT_UNDERSTOOD: &str = "given but not understood";
+
 /// The kind of coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CrsKind {
@@ -32,8 +35,10 @@ pub enum CrsKind {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Crs {
     /// The well-known text, if the file has one. If `epsg` is unknown, the text contains no code either:
-    /// other programs would look the code up and ignore the rest.
+    /// other programs would look the code up and ignore the rest. A text that is not understood is unchanged.
     pub wkt: Option<String>,
+    /// Whether the file describes its system, but no record of it is understood.
+    pub not_understood: bool,
     /// EPSG code of the horizontal system, if the file names one.
     pub epsg: Option<u32>,
     /// The kind of coordinates.
@@ -50,19 +55,28 @@ impl Crs {
     /// The unknown system of a drive without any record of its system, with coordinates in this unit.
     #[must_use]
     pub fn unknown(unit: LengthUnit) -> Self {
-        let crs = Claim::default().into_crs(None);
-        match unit {
-            LengthUnit::Auto => crs,
-            _ => {
-                Self { description: format!("not given in the files (input.unit is {})", unit.name()), ..crs }
-            }
-        }
+        Claim::default().into_crs(None).nameless("not given in the files", unit)
     }
 
-    /// Whether the file describes its system at all.
+    /// The system of a drive whose files describe it in a way that is not understood.
+    pub(crate) fn in_unit(&self, unit: LengthUnit) -> Self {
+        self.clone().nameless(NOT_UNDERSTOOD, unit)
+    }
+
+    /// The description of a system without a name: why there is none, and in which unit coordinates are.
+    fn nameless(self, why: &str, unit: LengthUnit) -> Self {
+        let unit = match unit {
+            LengthUnit::Auto => "coordinates are taken as metres".to_owned(),
+            _ => format!("input.unit is {}", unit.name()),
+        };
+        Self { description: format!("{why} ({unit})"), ..self }
+    }
+
+    /// Whether the file describes its system in a way that is understood.
     #[must_use]
     pub fn is_known(&self) -> bool {
-        self.kind != CrsKind::Unknown || self.wkt.is_some() || self.epsg.is_some()
+        let has_text = self.wkt.is_some() && !self.not_understood;
+        self.kind != CrsKind::Unknown || has_text || self.epsg.is_some()
     }
 
     /// Whether two known systems contradict each other: by code, kind or unit, or by the numbers of their
@@ -113,7 +127,7 @@ impl Crs {
             let description = format!("{}, but in {stated}", self.description);
             let (horizontal_unit_m, vertical_unit_m) = (unit_m, unit_m);
             let kind = CrsKind::Unknown;
-            return Self { wkt: None, epsg: None, kind, horizontal_unit_m, vertical_unit_m, description };
+            return Self { wkt: None, epsg: None, kind, horizontal_unit_m, vertical_unit_m, description, ..self };
         }
         if same(self.vertical_unit_m) {
             return self;
@@ -133,22 +147,26 @@ impl Crs {
         self.wkt.as_deref().or_else(|| definition(self.epsg?))
     }
 
-    /// The system named by the records of a file. Unreadable records become warnings.
+    /// The system named by the records of a file. Records that are not understood become warnings.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
-        let text = wkt_text(header, source, warnings);
-        let from_text =
-            text.as_deref().and_then(|text| match Node::parse(text).as_ref().and_then(claim_of_wkt) {
-                Some(claim) => Some(claim),
-                None => {
-                    warnings.push(
-                        "the well-known text of the coordinate system cannot be read and is ignored".into(),
-                    );
-                    None
-                }
-            });
-        let from_keys = geo_keys(header, source, warnings).and_then(|keys| claim_of_keys(&keys, warnings));
-        let is_unreadable = text.is_some() && from_text.is_none();
-        let text = from_text.is_some().then_some(text).flatten();
+        let text = wkt_text(header, source);
+        let keys = geo_keys(header, source);
+        let understood = |text: &String| Node::parse(text).as_ref().and_then(claim_of_wkt);
+        let from_text = text.as_ref().ok().and_then(Option::as_ref).and_then(understood);
+        let is_odd = from_text.is_none() && !matches!(text, Ok(None));
+        let odd_text = is_odd.then_some(("well-known text", "is"));
+        let odd_keys = keys.is_err().then_some(("GeoTIFF keys", "are"));
+        let text = text.ok().flatten();
+        let from_keys = keys.ok().flatten().and_then(|keys| claim_of_keys(&keys, warnings));
+        let odd: Vec<(&str, &str)> = odd_text.into_iter().chain(odd_keys).collect();
+        if !odd.is_empty() && from_text.is_none() && from_keys.is_none() {
+            let names: Vec<&str> = odd.iter().map(|(name, _)| *name).collect();
+            return Self::only_odd(text, &names.join(" and "), warnings);
+        }
+        for (name, verb) in odd {
+            warnings.push(format!("the {name} of the coordinate system cannot be read and {verb} ignored"));
+        }
+        let text = text.filter(|_| from_text.is_some());
         let prefer_text = header.global_encoding & WKT_BIT != 0;
         let (first, second) = if prefer_text { (from_text, from_keys) } else { (from_keys, from_text) };
         let claim = match (first, second) {
@@ -163,12 +181,18 @@ impl Crs {
         let text = text.filter(|_| claim != Claim::default());
         let text = text.map(|text| if claim.epsg.is_none() { without_codes(text) } else { text });
         claim.warn_about_unit(warnings);
-        let is_unknown = claim == Claim::default();
-        let crs = claim.into_crs(text);
-        match is_unreadable && is_unknown {
-            true => Self { description: "unreadable (coordinates are taken as metres)".to_owned(), ..crs },
-            false => crs,
-        }
+        claim.into_crs(text)
+    }
+
+    /// The system of a file whose records are not understood. Outputs keep the text as it is.
+    fn only_odd(text: Option<String>, records: &str, warnings: &mut Vec<String>) -> Self {
+        let kept = if text.is_some() { ", and objects.gpkg gets the text" } else { "" };
+        warnings.push(format!(
+            "the coordinate system is given but not understood ({records}): copies keep it as it is{kept}; write it again \
+             with the program that made the file, and set input.unit if coordinates are not in metres"
+        ));
+        let crs = Self { not_understood: true, ..Claim::default().into_crs(text) };
+        crs.in_unit(LengthUnit::Auto)
     }
 }
 
@@ -307,6 +331,7 @@ impl Claim {
         };
         Crs {
             wkt,
+            not_understood: false,
             epsg: self.epsg,
             kind: self.kind,
             horizontal_unit_m,

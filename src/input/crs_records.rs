@@ -12,32 +12,30 @@ const WKT: u16 = 2112;
 /// Length limit of well-known text.
 const MAX_WKT: u64 = 1 << 20;
 
-/// The well-known text of a file. A text that is too long gives a warning.
-pub(super) fn wkt_text(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<String> {
+/// A record that cannot be read.
+pub(super) struct Unreadable;
+
+/// The well-known text of a file, if it has one.
+pub(super) fn wkt_text(header: &Header, source: &ByteSource) -> Result<Option<String>, Unreadable> {
     // The record of the user liblas has the same text: writers that use that library added both.
-    let record = [PROJECTION_USER, "liblas"].iter().find_map(|user| {
-        header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty())
-    })?;
-    let Some(bytes) = record.read(source, MAX_WKT) else {
-        warnings.push("the well-known text of the coordinate system is too long and is ignored".into());
-        return None;
-    };
+    let record = [PROJECTION_USER, "liblas"]
+        .iter()
+        .find_map(|user| header.records().find(|record| record.is(user, WKT) && !record.payload.is_empty()));
+    let Some(record) = record else { return Ok(None) };
+    let bytes = record.read(source, MAX_WKT).ok_or(Unreadable)?;
     let text = vlr::decode(&bytes);
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
-    (!text.is_empty()).then(|| text.to_owned())
+    Ok((!text.is_empty()).then(|| text.to_owned()))
 }
 
-/// The GeoTIFF keys of a file, if there are any. Unreadable keys give a warning.
-pub(super) fn geo_keys(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Option<GeoKeys> {
+/// The GeoTIFF keys of a file, if there are any.
+pub(super) fn geo_keys(header: &Header, source: &ByteSource) -> Result<Option<GeoKeys>, Unreadable> {
     let payload = |record: u16| {
         let record = header.records().find(|candidate| candidate.is(PROJECTION_USER, record))?;
-        record.read(source, u64::from(u16::MAX))
+        Some(record.read(source, u64::from(u16::MAX)))
     };
-    let directory = payload(DIRECTORY)?;
-    let keys =
-        GeoKeys::parse(&directory, payload(DOUBLES).unwrap_or_default(), payload(TEXTS).unwrap_or_default());
-    if keys.is_none() {
-        warnings.push("the GeoTIFF keys of the coordinate system cannot be read and are ignored".into());
-    }
-    keys.filter(|keys| !keys.is_empty())
+    let Some(directory) = payload(DIRECTORY) else { return Ok(None) };
+    let [doubles, texts] = [DOUBLES, TEXTS].map(|record| payload(record).flatten().unwrap_or_default());
+    let keys = GeoKeys::parse(&directory.ok_or(Unreadable)?, doubles, texts).ok_or(Unreadable)?;
+    Ok(Some(keys).filter(|keys| !keys.is_empty()))
 }

@@ -111,7 +111,11 @@ fn nameless_warning(crs: &Crs, config: &Config) -> Option<String> {
                 .then_some("coordinates are taken as metres (if they are feet, set input.unit)");
             let degrees = is_written.then_some("other programs may take objects.geojson for degrees");
             let effects: Vec<&str> = [metres, degrees].into_iter().flatten().collect();
-            (!effects.is_empty()).then(|| format!("no coordinate system is known: {}", effects.join(", and ")))
+            let why = match crs.not_understood {
+                true => "the coordinate system is given but not understood",
+                false => "no coordinate system is known",
+            };
+            (!effects.is_empty()).then(|| format!("{why}: {}", effects.join(", and ")))
         }
     }
 }
