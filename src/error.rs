@@ -89,7 +89,7 @@ impl Error {
     /// The next command to type or thing to do, if there is one.
     #[must_use]
     pub fn hint(&self) -> Option<Cow<'static, str>> {
-        self.0.hint().or_else(|| too_many_open_files(&*self.0))
+        self.0.hint().or_else(|| hint_of_the_system(&*self.0))
     }
 
     /// Whether every other unit of a pass would fail for the same reason.
@@ -136,14 +136,28 @@ impl std::error::Error for Error {
     }
 }
 
-/// The hint if the process has reached its limit of open files. Errors of any area can have this cause.
-fn too_many_open_files(failure: &dyn Failure) -> Option<Cow<'static, str>> {
+/// The hint against an error of the system that can occur in any area.
+fn hint_of_the_system(failure: &dyn Failure) -> Option<Cow<'static, str>> {
+    // Numbers of `errno(3)`. A wrapped error keeps only the text, and not every number has an `ErrorKind`.
+    const HINTS: [(&str, &str); 3] = [
+        (
+            "(os error 24)", // EMFILE
+            "raise the hard limit of open files (ulimit -Hn; nofile in /etc/security/limits.conf) and type the same \
+             command again",
+        ),
+        (
+            "(os error 21)", // EISDIR
+            "a folder is in the place of this file: move it away and type the same command again",
+        ),
+        (
+            "(os error 20)", // ENOTDIR
+            "a file is in the place of a folder of this path: move it away, or choose another path",
+        ),
+    ];
     let causes = std::iter::successors(failure.source(), |cause| cause.source());
-    // `EMFILE` in `errno(3)`. It has no `ErrorKind`, and a wrapped error keeps only the text.
-    let met = causes.map(ToString::to_string).any(|text| text.ends_with("(os error 24)"));
-    let hint = "raise the hard limit of open files (ulimit -Hn; nofile in /etc/security/limits.conf) and type the \
-                same command again";
-    met.then(|| hint.into())
+    let texts: Vec<String> = causes.map(ToString::to_string).collect();
+    let met = |(number, _): &&(&str, &str)| texts.iter().any(|text| text.ends_with(number));
+    HINTS.iter().find(met).map(|(_, hint)| (*hint).into())
 }
 
 /// The text of a caught panic.
