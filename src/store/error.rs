@@ -28,6 +28,17 @@ pub enum StoreError {
         /// Why.
         source: io::Error,
     },
+    /// The state is on another file system than the outputs, as a link or a mount.
+    #[error(
+        "{state} is on another file system than {out}: outputs are made there and cannot be renamed to here",
+        state = state.display(), out = out.display()
+    )]
+    Apart {
+        /// The output directory.
+        out: PathBuf,
+        /// The folder of its state.
+        state: PathBuf,
+    },
     /// The directory has no run.
     #[error("{path} contains no run of chainage", path = path.display())]
     NoRun {
@@ -99,7 +110,7 @@ impl Failure for StoreError {
     fn kind(&self) -> ErrorKind {
         match self {
             Self::Locked { .. } => ErrorKind::Locked,
-            Self::Io { .. } | Self::InTheWay { .. } => ErrorKind::Output,
+            Self::Io { .. } | Self::InTheWay { .. } | Self::Apart { .. } => ErrorKind::Output,
             Self::NoRun { .. }
             | Self::Version { .. }
             | Self::OtherInput { .. }
@@ -124,6 +135,14 @@ impl Failure for StoreError {
             }
             Self::NoIdentity { .. } | Self::Damaged { .. } => {
                 Some("start over here with chainage run --fresh".into())
+            }
+            Self::Apart { .. } => Some(
+                "put the whole output directory on one file system: move the state to the place of the link, or \
+                 choose another output directory"
+                    .into(),
+            ),
+            Self::Io { action: "create", source, .. } if source.kind() == io::ErrorKind::AlreadyExists => {
+                Some("a file is in the place of this folder: move it away and type the same command again".into())
             }
             Self::InTheWay { .. } => Some("choose another output directory".into()),
             Self::Io { .. } => None,

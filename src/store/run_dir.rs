@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{ErrorKind, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -69,6 +70,7 @@ impl RunDir {
     pub(crate) fn lock(out: &Path) -> Result<Self, StoreError> {
         let state = out.join(STATE_FOLDER);
         fs_err::create_dir_all(&state).map_err(StoreError::io("create", &state))?;
+        refuse_apart(out, &state)?;
         let lock = lock(out, &state.join(LOCK))?;
         let events = EVENTS.to_owned();
         Ok(Self { out: out.to_owned(), state, _lock: Some(lock), events, wait: Duration::ZERO })
@@ -337,6 +339,21 @@ impl RunDir {
     }
 }
 
+/// Refuses a state on another file system than the outputs, because outputs are made in the state and then
+/// renamed. A run would notice that at its end.
+fn refuse_apart(out: &Path, state: &Path) -> Result<(), StoreError> {
+    let device =
+        |path: &Path| fs_err::metadata(path).map(|facts| facts.dev()).map_err(StoreError::io("read", path));
+    // Two mounts of one device count as two file systems. The system compares the mounts before it looks for
+    // the file, so a file that does not exist is enough.
+    let [from, to] = [state, out].map(|folder| whole_file::temporary(&folder.join("none")));
+    let refused = std::fs::rename(from, to).is_err_and(|error| error.kind() == ErrorKind::CrossesDevices);
+    if refused || device(out)? != device(state)? {
+        return Err(StoreError::Apart { out: out.to_owned(), state: state.to_owned() });
+    }
+    Ok(())
+}
+
 fn identity() -> Identity {
     Identity { program: env!("CARGO_PKG_VERSION").to_owned(), state_version: FORMAT_VERSION }
 }
@@ -361,5 +378,37 @@ mod tests {
         assert_eq!(run.to_discard().unwrap(), order.map(|name| run.path(name)));
         run.begin(true).unwrap();
         assert_eq!(run.entries().unwrap(), [LOCK, OUTPUTS, VERSION]);
+    }
+
+    #[test]
+    fn a_state_on_another_file_system_is_refused_at_the_start() {
+        // The one is on a disk, the other in memory.
+        let disk = tempfile::tempdir_in(env!("CARGO_MANIFEST_DIR")).unwrap();
+        let memory = tempfile::tempdir_in("/dev/shm").unwrap();
+        std::os::unix::fs::symlink(memory.path(), disk.path().join(STATE_FOLDER)).unwrap();
+        let error = RunDir::open(disk.path(), false).unwrap_err();
+        assert!(matches!(error, StoreError::Apart { .. }), "{error}");
+        assert_eq!(memory.path().read_dir().unwrap().count(), 0, "a run was begun");
+        // A link to a folder of the same file system is fine.
+        let out = tempfile::tempdir_in("/dev/shm").unwrap();
+        std::os::unix::fs::symlink(memory.path(), out.path().join(STATE_FOLDER)).unwrap();
+        RunDir::open(out.path(), false).unwrap();
+    }
+
+    #[test]
+    fn a_folder_in_the_place_of_a_file_is_named_with_the_next_step() {
+        for name in [LOCK, VERSION] {
+            let out = tempfile::tempdir().unwrap();
+            std::fs::create_dir_all(out.path().join(STATE_FOLDER).join(name)).unwrap();
+            let error = crate::error::Error::from(RunDir::open(out.path(), false).unwrap_err());
+            assert!(error.to_string().contains(name), "{error}");
+            let hint = error.hint().unwrap_or_default();
+            assert!(hint.starts_with("a folder is in the place of this file"), "{name}: {hint}");
+        }
+        let out = tempfile::tempdir().unwrap();
+        std::fs::write(out.path().join(STATE_FOLDER), "a file").unwrap();
+        let error = crate::error::Error::from(RunDir::open(out.path(), false).unwrap_err());
+        let hint = error.hint().unwrap_or_default();
+        assert!(hint.starts_with("a file is in the place of this folder"), "{error}: {hint}");
     }
 }
