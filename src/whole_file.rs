@@ -117,6 +117,19 @@ pub(crate) fn is_left_behind(path: &Path) -> bool {
     process().is_some_and(|process| !host::is_alive(process)) && path.is_file()
 }
 
+/// The name of the file that a temporary file was to become, if `temporary` is the name of a temporary file.
+/// `endings` are the possible endings of the file.
+pub(crate) fn becomes<'a>(temporary: &'a str, endings: &[&str]) -> Option<&'a str> {
+    let name = temporary.strip_suffix(ENDING)?;
+    let (name, number) = name.rsplit_once('-')?;
+    let (name, process) = name.rsplit_once('-')?;
+    number.parse::<u64>().ok().and(process.parse::<u32>().ok())?;
+    // The name of a host can contain points. The names of our files end at the first ending.
+    endings.iter().find_map(|ending| {
+        name.split_once(&format!("{ending}.")).map(|(stem, _)| &name[..stem.len() + ending.len()])
+    })
+}
+
 /// Removes the temporary files that processes left behind in a folder. Call it only when nobody can still
 /// need one of them.
 pub(crate) fn remove_temporary(folder: &Path) -> io::Result<()> {
@@ -240,6 +253,17 @@ mod tests {
             assert!(!is_left_behind(&path), "{name} is not there yet");
             std::fs::write(&path, "half").unwrap();
             assert_eq!(is_left_behind(&path), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_temporary_name_tells_what_it_was_to_become() {
+        let of = |name: &str| becomes(name, &[".json", ".toml"]).map(str::to_owned);
+        let made = temporary(Path::new("state/run.toml"));
+        assert_eq!(of(made.file_name().unwrap().to_str().unwrap()).as_deref(), Some("run.toml"));
+        assert_eq!(of("plan-0-12.5.json.node-7.example.org-12-3.part").as_deref(), Some("plan-0-12.5.json"));
+        for other in ["run.toml", "run.toml.part", "mine.txt.host-1-2.part", "run.toml.host-x-2.part"] {
+            assert_eq!(of(other), None, "{other}");
         }
     }
 

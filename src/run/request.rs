@@ -55,6 +55,7 @@ impl<'a> Begun<'a> {
         let run_dir = open::lock(&catalog, &request.out)?;
         names::refuse_foreign(&run_dir, config, surfaces, &labelled)?;
         run_dir.begin(request.fresh)?;
+        foreign::remove_left_behind(&run_dir)?;
         let mut warnings = warnings_of(config, &chain, &catalog, file_warnings);
         warnings.extend(open::file_system_warning(&request.inputs, config));
         warnings.extend(foreign::warnings(&run_dir)?);

@@ -105,7 +105,12 @@ fn compared(files: &[FileIdentity]) -> String {
 
 /// Whether a file of the state records input files.
 pub(crate) fn is_name(name: &str) -> bool {
-    name == NAME || name.starts_with("input-")
+    name == NAME || is_comparison(name)
+}
+
+/// Whether it records that input files were compared. Workers write it, too.
+pub(crate) fn is_comparison(name: &str) -> bool {
+    name.starts_with("input-")
 }
 
 /// For files with another modification time, compares their content with the content at the survey. Other
