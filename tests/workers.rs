@@ -588,6 +588,55 @@ fn a_worker_that_is_late_ends_well_when_others_have_ended_the_run() {
     }
 }
 
+/// Opens the run with other settings as soon as a pass starts, so that earlier passes are cleared.
+struct OpensAnew<'a> {
+    inputs: &'a Inputs,
+    out: &'a Path,
+}
+
+impl Observer for OpensAnew<'_> {
+    fn event(&self, event: &Event<'_>) {
+        if matches!(event, Event::PassStarted { .. }) {
+            let mut due = self.inputs.open(self.out, &["--tile-length", "11", "--memory", "256M"]);
+            while due.pass() != "relabel" {
+                let pass = due.pass().to_owned();
+                let units = &due.units;
+                assert!(units.is_empty() || worker(self.out, &pass, units).wait().expect("ended").success());
+                due = due_after("reduce", self.out, &["--after", &pass]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_late_worker_of_earlier_settings_says_that_the_state_has_changed() {
+    let inputs = Inputs::new("street.las");
+    for pass in ["cluster", "relabel"] {
+        let out = inputs.path(pass);
+        let mut due = inputs.open(&out, &["--tile-length", "8", "--memory", "256M"]);
+        while due.pass() != pass {
+            let before = due.pass().to_owned();
+            let units = &due.units;
+            assert!(units.is_empty() || worker(&out, &before, units).wait().expect("ended").success());
+            due = due_after("reduce", &out, &["--after", &before]);
+        }
+        let shared = SharedRun {
+            out: out.clone(),
+            wait: Duration::ZERO,
+            registries: chainage::run::Registries::default(),
+        };
+        let resolve = |path: &Path| Ok(chainage::config::Config::resolve(Some(path), &[])?);
+        let observer = OpensAnew { inputs: &inputs, out: &out };
+        let late =
+            chainage::run::work(&shared, (pass, &Units::All), resolve, &observer, &CancelToken::default());
+        let error = late.expect_err("the units are not those of the run");
+        assert_eq!(error.kind(), chainage::ErrorKind::State, "{pass}: {error}");
+        let text = format!("pass {pass} has not been opened for workers with these settings");
+        assert_eq!(error.to_string(), text);
+        std::fs::remove_dir_all(out).expect("removed");
+    }
+}
+
 #[test]
 fn a_reduction_waits_for_nobody_who_drives_the_run() {
     let inputs = Inputs::new("street.las");

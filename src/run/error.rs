@@ -170,6 +170,11 @@ impl Failure for RunError {
         }
     }
 
+    /// Whether no unit of the pass can be stored any more.
+    fn stops_all(&self) -> bool {
+        matches!(self, Self::NotOpened { .. })
+    }
+
     fn hint(&self) -> Option<Cow<'static, str>> {
         Some(match self {
             Self::Interrupted { .. } => "the same command resumes".into(),

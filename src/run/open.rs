@@ -167,6 +167,15 @@ pub(crate) fn recorded(run_dir: &RunDir) -> Result<(Vec<PathBuf>, PathBuf)> {
     }
 }
 
+/// Whether the settings of the last call are still those that a process has read as the text `settings`. A
+/// record that cannot be read counts as unchanged.
+pub(crate) fn is_recorded_now(run_dir: &RunDir, settings: &[u8]) -> bool {
+    match run_dir.read_json::<Recorded>(REQUEST) {
+        Ok(now) => now.is_some_and(|now| now.configuration == digest(settings)),
+        Err(_) => true,
+    }
+}
+
 /// Locks the run directory `out`, after checks that there are points to process and that no input is in that
 /// directory. The state is not read before [`RunDir::begin`].
 pub(crate) fn lock(catalog: &Catalog, out: &Path) -> Result<RunDir> {

@@ -114,6 +114,7 @@ pub fn work(
 ) -> Result<PassFigures> {
     let run_dir = RunDir::join(&shared.out, shared.wait)?;
     let (inputs, configuration) = open::recorded(&run_dir)?;
+    let settings = fs_err::read(&configuration).map_err(StoreError::io("read", &configuration))?;
     let config = resolve(&configuration)?;
     let of_run = Config::resolve(Some(&configuration), &[])?;
     if let Some((key, of_run, here)) = of_run.first_difference(&config) {
@@ -135,6 +136,10 @@ pub fn work(
         // not needed.
         Err(error) if is_of_files(&error) && due_in(&open, &run_dir).is_ok_and(|due| due.pass.is_none()) => {
             Ok(nothing)
+        }
+        // Files of earlier passes are removed where they do not belong to the new settings.
+        Err(error) if is_of_files(&error) && !open::is_recorded_now(&run_dir, &settings) => {
+            Err(RunError::NotOpened { pass: pass.to_owned() }.into())
         }
         Err(error) => Err(error),
         Ok(_) => Err(RunError::NotReduced { pass: SURVEY.to_owned(), asked: pass.to_owned() }.into()),

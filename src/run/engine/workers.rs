@@ -159,6 +159,11 @@ impl Keeper<'_> {
                     let points = pass.points(unit);
                     self.tell(&Event::UnitFinished { pass: pass.outline().name, unit, points, seconds });
                 }
+                // The folder was cleared between the look at it and the commit.
+                Err(_) if !self.drives && self.dir.is_prepared_now().is_ok_and(|opened| !opened) => {
+                    *lost = true;
+                    failures.push((unit, RunError::NotOpened { pass: pass.outline().title() }.into()));
+                }
                 Err(error) => failures.push((unit, error.into())),
             }
         }
@@ -324,6 +329,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+    use crate::error::ErrorKind;
     use crate::run::engine::Silent;
     use crate::run::engine::folders::Outline;
     use crate::run::engine::pass::Payloads;
@@ -404,7 +410,10 @@ mod tests {
         // Another process opens the pass again while the worker computes.
         let anew = run_dir.pass(&pass.outline.folder, Inputs::new().with("gap", "0.5 m"));
         anew.prepare().unwrap();
-        let error = keeper.execute(&pass, &[1, 2, 3]).unwrap_err().to_string();
+        let error = keeper.execute(&pass, &[1, 2, 3]).unwrap_err();
+        // Not that some units failed: the same command would fail again.
+        assert_eq!(error.kind(), ErrorKind::State, "{error}");
+        let error = error.to_string();
         assert!(error.contains("has not been opened for workers with these settings"), "{error}");
         assert!((0..8).all(|unit| !dir.unit_path(unit).exists()), "a unit of other settings");
     }
