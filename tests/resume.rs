@@ -750,3 +750,31 @@ fn a_drive_with_more_tiles_than_a_process_may_open_files_is_finished() {
     let tiles = finished(&events(&out), "ground");
     assert!(tiles > 48, "{tiles} tiles");
 }
+
+/// A setting of another method changes no output, so the second call finds all of them complete.
+#[test]
+fn the_report_has_the_settings_of_the_last_call_although_nothing_was_to_do() {
+    let inputs = Inputs::new();
+    let out = inputs.path("out");
+    let list = inputs.list("street.las");
+    let method = ["--method", "euclidean"];
+    run_to_the_end(&list, &out, &options(&[&method[..], &["--set", "street.min_points=33"]].concat()));
+    let page = || std::fs::read_to_string(out.join("report.html")).expect("a page");
+    let settings = || {
+        let report = std::fs::read(out.join("report.json")).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        (report["configuration"]["street"]["min_points"].clone(), report["result"]["seconds"].clone())
+    };
+    let before = settings();
+    assert_eq!(before.0, 33);
+    assert!(page().contains("\"min_points\":33"), "the page has the settings");
+    let all = outputs(&out);
+    for _ in 0..2 {
+        run_to_the_end(&list, &out, &options(&method));
+        assert_eq!(settings(), (20.into(), before.1.clone()));
+        assert!(!page().contains("\"min_points\":33"), "the page has those of the call before");
+    }
+    assert!(outputs(&out) == all, "other outputs have changed");
+    let log = events(&out);
+    assert_eq!(finished(&log, "export"), 1, "the copy was written again");
+}

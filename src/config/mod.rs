@@ -363,6 +363,19 @@ impl Config {
     pub fn to_json(&self) -> serde_json::Value {
         serde_json::to_value(&self.table).unwrap_or(serde_json::Value::Null)
     }
+
+    /// The same, but the machine is used as in `earlier`, the settings of the call that computed everything.
+    pub(crate) fn to_json_on_machine_of(&self, earlier: &serde_json::Value) -> serde_json::Value {
+        let mut all = self.to_json();
+        for (section, values) in all.as_object_mut().into_iter().flatten() {
+            for (key, value) in values.as_object_mut().into_iter().flatten() {
+                if let Some(before) = earlier[section].get(key).filter(|_| is_of_machine(section, key)) {
+                    *value = before.clone();
+                }
+            }
+        }
+        all
+    }
 }
 
 fn typed<T: DeserializeOwned>(table: &toml::Table, name: &str) -> Result<T, ConfigError> {

@@ -231,6 +231,18 @@ impl Page<'_> {
     }
 }
 
+/// What encloses the values of the run in a page. The values have no `<`, see [`json`].
+const RUN: [&str; 2] = ["<script type=\"application/json\" id=\"data-run\">", "</script>"];
+
+/// A page with changed values of the run; `None` if it has none.
+pub(crate) fn with_run(page: &str, change: impl FnOnce(&mut Value)) -> Option<String> {
+    let (before, rest) = page.split_once(RUN[0])?;
+    let (run, after) = rest.split_once(RUN[1])?;
+    let mut run: Value = serde_json::from_str(run).ok()?;
+    change(&mut run);
+    Some([before, RUN[0], &json(&run).ok()?, RUN[1], after].concat())
+}
+
 /// Writes the markup with every `{{name}}` replaced by its part. The parts themselves are not searched for
 /// names.
 fn fill(markup: &str, parts: &[(&str, &str)], out: &mut dyn Write) -> io::Result<()> {

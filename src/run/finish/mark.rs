@@ -59,15 +59,27 @@ pub(crate) fn is_finished_with(run_dir: &RunDir, config: &Config) -> Result<bool
     Ok(mark.settings == Some(config.digest()) && whole.contains(&true))
 }
 
-/// Records that the outputs fit these settings as well.
-pub(crate) fn fits_also(run_dir: &RunDir, config: &Config) -> Result<()> {
+/// Records that the outputs fit these settings as well. `rewritten`: whether files beside the copies were
+/// written again.
+pub(crate) fn fits_also(run_dir: &RunDir, config: &Config, beside: &[&str], rewritten: bool) -> Result<()> {
     let settings = Some(config.digest());
     match run_dir.read_json::<Mark>(FINISHED)? {
-        Some(mark) if mark.settings != settings => {
-            Ok(run_dir.write_json(FINISHED, &Mark { settings, ..mark })?)
+        Some(mark) if rewritten || mark.settings != settings => {
+            let bytes = sizes(run_dir, &mark.files, beside)?;
+            Ok(run_dir.write_json(FINISHED, &Mark { settings, bytes, ..mark })?)
         }
         _ => Ok(()),
     }
+}
+
+/// Size of each output in bytes.
+fn sizes(run_dir: &RunDir, files: &[String], beside: &[&str]) -> Result<Vec<u64>> {
+    let names = files.iter().map(String::as_str).chain(beside.iter().copied());
+    let size = |name| {
+        let path = run_dir.out().join(name);
+        Ok(fs_err::metadata(&path).map_err(StoreError::io("read", &path))?.len())
+    };
+    names.map(size).collect()
 }
 
 /// Removes the mark before outputs are written again. If the output files already have their names, the units
@@ -91,11 +103,7 @@ pub(crate) fn mark_finished(
     finished: &Finished,
     (config, beside): (&Config, &[&str]),
 ) -> Result<()> {
-    let mut bytes = Vec::new();
-    for name in finished.files.iter().map(String::as_str).chain(beside.iter().copied()) {
-        let path = run_dir.out().join(name);
-        bytes.push(fs_err::metadata(&path).map_err(StoreError::io("read", &path))?.len());
-    }
+    let bytes = sizes(run_dir, &finished.files, beside)?;
     let fingerprint = export.fingerprint().to_string();
     let objects = finished.objects;
     let files = finished.files.clone();

@@ -6,5 +6,6 @@ pub(crate) mod mark;
 pub(crate) mod names;
 pub(crate) mod outputs;
 pub(crate) mod page;
+mod refresh;
 pub(crate) mod report;
 pub(crate) mod tables;

@@ -5,7 +5,7 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::run::cloud::Cloud;
 use crate::run::engine::{Event, Observer, PassFigures, peak_resident_bytes};
-use crate::run::finish::{mark, names, page, report};
+use crate::run::finish::{mark, names, page, refresh, report};
 use crate::run::flow::{Outcome, Planned};
 use crate::run::open::Opened;
 use crate::run::summary::{RunSummary, SectionFacts};
@@ -58,7 +58,8 @@ pub(crate) fn finish(
     let Some(finished) = outcome.unmarked else {
         // An earlier call may have been killed after the mark.
         mark::clear(run_dir, &export, &cloud)?;
-        mark::fits_also(run_dir, open.config)?;
+        let rewritten = refresh::settings(run_dir, open.config, &summary.warnings)?;
+        mark::fits_also(run_dir, open.config, &names::beside(open.config, surfaces), rewritten)?;
         return Ok(summary);
     };
     let report = report::report(&open.drive, open.config, &planned.surveyed, &summary);
