@@ -127,7 +127,15 @@ impl Crs {
             let description = format!("{}, but in {stated}", self.description);
             let (horizontal_unit_m, vertical_unit_m) = (unit_m, unit_m);
             let kind = CrsKind::Unknown;
-            return Self { wkt: None, epsg: None, kind, horizontal_unit_m, vertical_unit_m, description, ..self };
+            return Self {
+                wkt: None,
+                epsg: None,
+                kind,
+                horizontal_unit_m,
+                vertical_unit_m,
+                description,
+                ..self
+            };
         }
         if same(self.vertical_unit_m) {
             return self;
