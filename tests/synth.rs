@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use crate::util::skipped;
-use chainage::synth::{Preset, Scanner, Settings, generate};
+use chainage::synth::{Preset, Scanner, Sensor, Settings, generate};
 
 /// A scanner with about ten thousand points per second of driving.
 fn coarse() -> Scanner {
@@ -225,6 +225,25 @@ fn the_loop_comes_back_over_its_first_metres_in_the_other_direction() {
     assert!(longest < 0.19, "{longest} m");
 }
 
+/// Noise of a metre moves echoes of near targets behind the scanner, where it measures nothing.
+#[test]
+fn the_largest_noise_makes_a_drive_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut settings = small(Preset::Suburb);
+    settings.scanner.noise_m = 1.0;
+    assert!(write(&settings, folder.path()).points > 10_000);
+}
+
+#[test]
+fn the_trajectory_reaches_beyond_the_first_and_the_last_point() {
+    let folder = tempfile::tempdir().unwrap();
+    write(&small(Preset::Suburb), folder.path());
+    let way = table(&folder.path().join("trajectory.csv"));
+    let (first, last) = (number(&way[0], "gps_time"), number(&way[way.len() - 1], "gps_time"));
+    let times = all_points(folder.path()).into_iter().map(|point| point.time);
+    assert!(times.into_iter().all(|time| first <= time && time <= last + 1e-4));
+}
+
 #[test]
 fn settings_and_folders_that_will_not_do_are_refused() {
     let folder = tempfile::tempdir().unwrap();
@@ -236,6 +255,31 @@ fn settings_and_folders_that_will_not_do_are_refused() {
     settings = small(Preset::Suburb);
     settings.scanner.heads = 3;
     assert_eq!(text(&settings), "heads = 3: must be 1 to 2");
+    type Change = fn(&mut Scanner);
+    let head: Change = |scanner| *scanner = Scanner::of(Sensor::Spinning16);
+    let wrong: [(Change, Change, &str); 7] = [
+        (|_| {}, |scanner| scanner.strays = f64::NAN, "strays = NaN: must be 0 to 1"),
+        (|_| {}, |scanner| scanner.divergence_mrad = -0.1, "divergence = -0.1: must be 0 to 100 mrad"),
+        (head, |scanner| scanner.heads = 2, "heads = 2: must be 1, because a spinning head is alone"),
+        (head, |scanner| scanner.pulse_rate_hz = 500.0, "pulse-rate = 500: must be 1000 to 2000000 Hz"),
+        (
+            head,
+            |scanner| scanner.spinning.as_mut().unwrap().beams = vec![(-15.0, 15.0, 257)],
+            "beams = 257: must be 1 to 256",
+        ),
+        (head, |scanner| scanner.spinning.as_mut().unwrap().beams.clear(), "beams = 0: must be 1 to 256"),
+        (
+            head,
+            |scanner| scanner.spinning.as_mut().unwrap().height_m = 0.0,
+            "height = 0: must be 0.5 to 10 m",
+        ),
+    ];
+    for (ready, change, expected) in wrong {
+        settings = small(Preset::Suburb);
+        ready(&mut settings.scanner);
+        change(&mut settings.scanner);
+        assert_eq!(text(&settings), expected);
+    }
     settings = small(Preset::Suburb);
     let notes = folder.path().join("notes.txt");
     std::fs::write(&notes, "mine").unwrap();

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::config::ConfigError;
 
-use super::scan::scanner::Scanner;
+use super::scan::scanner::{Scanner, Spinning};
 use super::street::axis::STEM;
 use super::street::preset::Preset;
 
@@ -38,8 +38,29 @@ pub struct Settings {
     pub threads: usize,
 }
 
+/// Smallest number of pulses of a beam in a rotation.
+const LEAST_COLUMNS: f64 = 36.0;
+
+/// Refuses impossible figures of a spinning head.
+fn check_spinning(scanner: &Scanner, spinning: &Spinning) -> Result<(), ConfigError> {
+    if scanner.heads != 1 {
+        return Err(ConfigError::value("heads", scanner.heads, "1, because a spinning head is alone"));
+    }
+    // Points store the number of their beam in a byte.
+    let beams: u64 = spinning.beams.iter().map(|(_, _, count)| u64::from(*count)).sum();
+    ConfigError::outside([("beams", beams as f64, 1.0..=256.0, "")])?;
+    let angles = spinning.beams.iter().flat_map(|(low, high, _)| [*low, *high]);
+    ConfigError::outside(angles.map(|angle| ("beams", angle, -90.0..=90.0, "degrees")))?;
+    // Else there would be no number of rotations to choose.
+    let slowest = LEAST_COLUMNS * beams as f64;
+    ConfigError::outside([
+        ("height", spinning.height_m, 0.5..=10.0, "m"),
+        ("pulse-rate", scanner.pulse_rate_hz, slowest.max(1e3)..=2e6, "Hz"),
+    ])
+}
+
 impl Settings {
-    /// The defaults of a preset: 1 km, seed 1, one LAZ file.
+    /// The defaults of a preset: 1 km, and 1.5 km of a loop; seed 1; one LAZ file.
     #[must_use]
     pub fn new(preset: Preset) -> Self {
         Self {
@@ -70,19 +91,24 @@ impl Settings {
         if self.length_m.is_none() && self.points.is_none() && self.sweeps.is_none() {
             return Err(ConfigError::value("length", "none", "given, or points or sweeps"));
         }
+        if let Some(spinning) = &scanner.spinning {
+            check_spinning(scanner, spinning)?;
+        }
         // A tighter loop would fold the gardens inside it: 500 m of loop are a radius of 68 m.
         let least = if self.preset == Preset::Loop { LEAST_LOOP } else { 1.0 };
         ConfigError::outside([
-            ("heads", f64::from(scanner.heads), 1.0..=if spins { 1.0 } else { 2.0 }, ""),
+            ("heads", f64::from(scanner.heads), 1.0..=2.0, ""),
             ("pulse-rate", scanner.pulse_rate_hz, 1e3..=2e6, "Hz"),
             (
                 "profiles",
                 scanner.profiles_hz,
-                1.0..=(scanner.pulse_rate_hz / scanner.beams() as f64 / 36.0).floor(),
+                1.0..=(scanner.pulse_rate_hz / scanner.beams() as f64 / LEAST_COLUMNS).floor(),
                 "per second",
             ),
             ("range", scanner.range_m, 10.0..=300.0, "m"),
             ("noise", scanner.noise_m, 0.0..=1.0, "m"),
+            ("divergence", scanner.divergence_mrad, 0.0..=100.0, "mrad"),
+            ("strays", scanner.strays, 0.0..=1.0, ""),
             ("drift", scanner.drift_m, 0.0..=1.0, "m"),
             ("speed", *slow, 1.0..=150.0, "km/h"),
             ("speed", *fast, *slow..=150.0, "km/h"),

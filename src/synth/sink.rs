@@ -52,6 +52,9 @@ pub(crate) struct Sink<'a> {
     reference: WholeFile,
     /// One row per pose.
     trajectory: WholeFile,
+    /// The first pose after the points that are written. It is the last one of the trajectory, so that the
+    /// position of every point lies between two.
+    next_pose: Option<Pose>,
     /// Objects that may get more points, by number. Moving objects have the highest numbers and stay until
     /// the end.
     seen: BTreeMap<u32, Tally>,
@@ -93,6 +96,7 @@ impl<'a> Sink<'a> {
                  model_height,base_inside,crown_diameter,dbh,inclination,inclination_azimuth,speed_kmh,clearance",
             )?,
             trajectory: table("trajectory.csv", "gps_time,x,y,z,roll,pitch,heading")?,
+            next_pose: None,
             seen: BTreeMap::new(),
             summary: Summary { length_m: f64::INFINITY, ..Summary::default() },
         })
@@ -112,6 +116,7 @@ impl<'a> Sink<'a> {
             }
             let mut poses = track.poses.iter().filter(|pose| track.time.contains(&pose.t));
             poses.try_for_each(|pose| self.pose(pose)).map_err(failed)?;
+            self.next_pose = track.poses.iter().find(|pose| pose.t >= track.time.end).copied();
         }
         while let Some(entry) = self.seen.first_entry().filter(|entry| *entry.key() < lowest) {
             let (id, tally) = entry.remove_entry();
@@ -207,6 +212,9 @@ impl<'a> Sink<'a> {
     pub(crate) fn finish(mut self, length_m: f64) -> Result<Summary, OutputError> {
         self.summary.length_m = length_m;
         self.write(Vec::new(), u32::MAX)?;
+        let last = self.next_pose.take();
+        let written = last.map_or(Ok(()), |pose| self.pose(&pose));
+        written.map_err(|source| OutputError::Write { path: self.folder.to_owned(), source })?;
         if let Some((_, file)) = self.file.take() {
             file.finish()?;
         }

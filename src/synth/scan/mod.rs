@@ -27,11 +27,15 @@ use crate::synth::scene::{Beam, Owner, Window};
 use crate::synth::settings::Settings;
 use crate::synth::street::traffic::seen_by;
 
-/// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 08:00 GPS time).
+/// GPS time of the start of a drive, adjusted standard seconds (2026-06-15 09:46:40 GPS time).
 pub(crate) const START_TIME: f64 = 465_552_000.0;
 /// Two echoes of one pulse that are closer than this merge into one between them, metres (pulse length of
 /// some nanoseconds).
 const SEPARATION: f32 = 0.6;
+/// Nearest target in metres. Nothing nearer is seen, because the vehicle itself is there.
+const NEAREST: f32 = 1.2;
+/// Smallest measured range in metres: noise moves an echo of a near target at most this near to the scanner.
+const SHORTEST: f32 = 0.5 * NEAREST;
 /// Maximum number of echoes of a pulse.
 const ECHOES: usize = 5;
 /// Intensity of a white surface at normal incidence nearer than 6 m, and the exponents with which it falls
@@ -226,8 +230,7 @@ impl<'a> Pulse<'a> {
 
     /// The echoes of the surfaces along the beam.
     fn listen(&mut self) {
-        // Nothing nearer is seen, because the vehicle itself is there.
-        let mut near = 1.2;
+        let mut near = NEAREST;
         let far = self.scanner.range_m as f32;
         while self.echoes.len() < ECHOES
             && let Some(hit) = self.window.hit(self.about, &self.beam, near, far)
@@ -298,6 +301,9 @@ impl<'a> Pulse<'a> {
         let stretch = (1.0 / (cosine * cosine) - 1.0).sqrt().min(8.0);
         let spread = material.roughness.hypot(footprint * stretch * 0.3);
         let range = way + gauss(random) * spread.hypot(self.scanner.noise_m as f32);
+        if range < SHORTEST {
+            return None;
+        }
         let (white, fall, grazing) = BRIGHTNESS;
         let faded = (6.0 / way).min(1.0).powf(fall);
         let intensity = (white * reflectance * cosine.powf(grazing) * faded).clamp(20.0, 65_535.0) as u16;
