@@ -103,7 +103,7 @@ const BESIDE: [(&str, &str); 1] = [("output", "input")];
 
 /// Modules of the flow that others than `run`, which joins them all, may use.
 const JOINED_ELSEWHERE: [(&str, &[&str]); 3] = [
-    ("eval", &["input"]),
+    ("eval", &["input", "survey"]),
     ("synth", &["output"]),
     ("cli", &["input", "survey", "ground", "cluster", "output"]),
 ];

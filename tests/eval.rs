@@ -7,10 +7,11 @@ use chainage::eval::metrics::Figures;
 use chainage::eval::metrics::hoover::Tolerance;
 use chainage::eval::table::{Cell, Counter, Table};
 use chainage::eval::{
-    self, Axis, ClassTable, CompareSettings, EvalError, Evaluation, MetricSettings, Provenance, Report,
+    self, ClassTable, CompareSettings, EvalError, Evaluation, MetricSettings, Provenance, Report,
 };
 use chainage::input::{Catalog, InputOptions};
 use chainage::model::Lattice;
+use chainage::survey::Axis;
 use chainage::{Error, ErrorKind};
 use proptest::prelude::*;
 
@@ -395,7 +396,8 @@ fn the_report_is_the_same_for_any_number_of_threads() {
         pool.install(|| {
             let (matched_by, table) = compare(&[at("shuffled.las")], &[at("reference.las")]).unwrap();
             let evaluation = evaluate(&table);
-            let places: Vec<_> = evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect();
+            let objects = evaluation.judged.scene.objects.iter();
+            let places: Vec<_> = objects.map(|o| [o.centroid_m[0], o.centroid_m[1]]).collect();
             let compared = Provenance {
                 prediction: vec!["p.las".into()],
                 reference: vec!["r.las".into()],
@@ -407,7 +409,7 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 chainage_along: "principal axis of the objects".into(),
             };
             let settings = settings();
-            let axis = Axis::principal(&places);
+            let axis = Axis::principal_of(&places);
             let report = Report::new(&evaluation, &settings, &axis, compared);
             let mut json = Vec::new();
             let mut csv = Vec::new();
@@ -440,7 +442,7 @@ fn the_report_is_the_same_for_any_number_of_threads() {
 #[test]
 fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
     let settings = settings();
-    let axis = Axis::principal(&[]);
+    let axis = Axis::principal_of(&[]);
     let evaluation = evaluate(&table(&[(1, 1, 29), (2, 2, 50), (3, 3, 12), (4, 4, 60), (9, 4, 1)]));
     let compared = Provenance {
         prediction: Vec::new(),
@@ -462,6 +464,37 @@ fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
         assert_eq!(row.last() == Some(&"fewer than 30 points: not evaluated"), small, "{csv}");
         assert_eq!(row[13].is_empty(), small, "matched: {csv}");
     }
+}
+
+/// `run` and `eval` must give an object the same chainage, so that it is found again.
+#[test]
+fn a_trajectory_is_read_as_run_reads_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let points = street(10_000);
+    write_prediction(&at("p.las"), &points);
+    write_reference(&at("r.laz"), &points);
+    let [reference, trajectory] = ["r.laz", "axis.csv"].map(|name| at(name).display().to_string());
+    let chainages = |text: &str| {
+        std::fs::write(&trajectory, text).unwrap();
+        let arguments = ["--reference", &reference, "--trajectory", &trajectory, "--json"];
+        let written = chainage(&arguments, &[&at("p.las")]);
+        assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&written.stdout).unwrap();
+        let objects = json["objects"].as_array().unwrap();
+        objects.iter().map(|object| object["chainage_m"].as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    let driven = chainages("gps_time,x,y,z\n0,-100,4,0\n1,250,4,0\n2,600,4,0\n");
+    for text in [
+        "gps_time,x,y,z\n1,250,4,0\n2,600,4,0\n0,-100,4,0\n",
+        "\u{feff}gps_time;x;y\r\n0;-100;4\r\n1;250;4\r\n2;600;4\r\n",
+    ] {
+        assert_eq!(chainages(text), driven, "{text}");
+    }
+    std::fs::write(&trajectory, "x,y\n0,0\n1,1\n").unwrap();
+    let refused = chainage(&["--reference", &reference, "--trajectory", &trajectory], &[&at("p.las")]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("gps_time"));
+    assert_eq!(refused.status.code(), Some(4));
 }
 
 fn chainage(arguments: &[&str], files: &[&Path]) -> std::process::Output {

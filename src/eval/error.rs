@@ -118,16 +118,6 @@ pub enum EvalError {
         /// The first such point of the reference.
         reference: Box<PointSite>,
     },
-    /// A trajectory file with an invalid line.
-    #[error("line {line} of {path}: expected {expected}", path = path.display())]
-    Trajectory {
-        /// The file.
-        path: PathBuf,
-        /// The line, from 1.
-        line: usize,
-        /// What should be there.
-        expected: &'static str,
-    },
     /// The scratch files of a comparison in different orders cannot be written or read back.
     #[error("cannot use the scratch file {path}", path = path.display())]
     Scratch {
@@ -141,10 +131,7 @@ pub enum EvalError {
 impl Failure for EvalError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::NoDimension { .. }
-            | Self::DimensionType { .. }
-            | Self::Label { .. }
-            | Self::Trajectory { .. } => ErrorKind::Input,
+            Self::NoDimension { .. } | Self::DimensionType { .. } | Self::Label { .. } => ErrorKind::Input,
             Self::PointCounts { .. } | Self::Unmatched { .. } => ErrorKind::Difference,
             Self::Scratch { .. } => ErrorKind::Output,
         }
@@ -171,7 +158,6 @@ impl Failure for EvalError {
             Self::DimensionType { .. }
             | Self::Label { .. }
             | Self::Unmatched { .. }
-            | Self::Trajectory { .. }
             | Self::Scratch { .. } => None,
         }
     }

@@ -16,5 +16,4 @@ pub use classes::ClassTable;
 pub use error::{EvalError, PointSite, Side};
 pub use matching::{CompareSettings, Counted, Matching, count};
 pub use metrics::{Evaluation, MetricSettings};
-pub use report::axis::Axis;
 pub use report::{Provenance, Report};

@@ -20,11 +20,21 @@ impl Axis {
     pub fn principal(cells: &PackedCells, grid: CellGrid, lattice: Lattice) -> Self {
         let edge_m = lattice.metres(grid.edge());
         let centre = |cell: Cell| Vector2::new(f64::from(cell[0]) + 0.5, f64::from(cell[1]) + 0.5) * edge_m;
-        let share = 1.0 / cells.len().max(1) as f64;
-        let mean = cells.iter().map(|entry| centre(entry.0)).sum::<Vector2<f64>>() * share;
+        Self::straight(|| cells.iter().map(|(cell, _)| centre(cell)))
+    }
+
+    /// The principal axis of places in metres. Chainage 0 is at the first place along the axis.
+    #[must_use]
+    pub fn principal_of(places: &[[f64; 2]]) -> Self {
+        Self::straight(|| places.iter().map(|place| Vector2::from(*place)))
+    }
+
+    fn straight<I: Iterator<Item = Vector2<f64>>>(places: impl Fn() -> I) -> Self {
+        let share = 1.0 / places().count().max(1) as f64;
+        let mean = places().sum::<Vector2<f64>>() * share;
         let mut covariance = Matrix2::zeros();
-        for (cell, _) in cells.iter() {
-            let arm = centre(cell) - mean;
+        for place in places() {
+            let arm = place - mean;
             covariance += arm * arm.transpose();
         }
         let eigen = SymmetricEigen::new(covariance);
@@ -33,11 +43,11 @@ impl Axis {
         if direction.x < -1e-9 || (direction.x.abs() <= 1e-9 && direction.y < 0.0) {
             direction = -direction;
         }
-        let along = |cell: Cell| (centre(cell) - mean).dot(&direction);
-        let first = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::min);
-        let last = cells.iter().map(|entry| along(entry.0)).fold(0.0, f64::max);
+        let along = |place: Vector2<f64>| (place - mean).dot(&direction);
+        let first = places().map(along).fold(0.0, f64::min);
+        let last = places().map(along).fold(0.0, f64::max);
         let place = |at: f64| [mean.x + direction.x * at, mean.y + direction.y * at];
-        let blocks: BTreeSet<i64> = cells.iter().map(|entry| block(along(entry.0))).collect();
+        let blocks: BTreeSet<i64> = places().map(|place| block(along(place))).collect();
         let sampled = near_blocks([place(first), place(last + VERTEX_SPACING_M)], first, &blocks);
         let vertices = sampled.unwrap_or_else(|| {
             let limit = LONGEST_AXIS_M / 2.0;
@@ -116,6 +126,17 @@ mod tests {
             principal((0..2_000).filter(|i| !(50..1_950).contains(i)).map(|i| ([i, i / 3], 1)).collect());
         let ends = [gap.vertices()[0], gap.vertices()[gap.vertices().len() - 1]];
         assert_eq!(gap.vertices(), resample(&ends).unwrap());
+    }
+
+    #[test]
+    fn chainage_begins_at_the_first_place_and_grows_to_the_east() {
+        let places = [[30.0, -43.0], [0.0, -3.0], [15.0, -23.0]];
+        let axis = Axis::principal_of(&places);
+        for (place, expected) in [([0.0, -3.0], 0.0), ([15.0, -23.0], 25.0), ([30.0, -43.0], 50.0)] {
+            assert!((axis.locate(place).0 - expected).abs() < 1e-9, "{place:?}");
+        }
+        assert!(Axis::principal_of(&[[7.0, 7.0]]).locate([7.0, 7.0]).0.abs() < 1e-9);
+        assert!(Axis::principal_of(&[]).locate([1.0, 0.0]).0.is_finite());
     }
 
     #[test]

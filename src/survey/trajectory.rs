@@ -15,12 +15,12 @@ const GAP_INTERVALS: f64 = 10.0;
 /// Length of a GPS week in seconds.
 const WEEK_S: f64 = 604_800.0;
 
-/// The positions (x, y) of a trajectory in order of time, in the units of the file: a run for each recording
-/// without a gap in time.
+/// The positions (x, y) of a trajectory in order of time, in metres: a run for each recording without a gap
+/// in time. `unit_m` is the unit of the coordinates of the drive in metres. Those of the file have it, too.
 ///
 /// # Errors
 /// When the file cannot be read, a column is missing, or a value is not a finite number.
-pub fn read_trajectory(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, SurveyError> {
+pub fn read_trajectory(path: &Path, unit_m: f64) -> Result<Vec<Vec<[f64; 2]>>, SurveyError> {
     let table = match Table::read(path, true) {
         // A first line of numbers names no column.
         Err(TableError::NoHeader { path, found }) => {
@@ -49,7 +49,7 @@ pub fn read_trajectory(path: &Path) -> Result<Vec<Vec<[f64; 2]>>, SurveyError> {
     intervals.sort_unstable_by(f64::total_cmp);
     let longest = (GAP_INTERVALS * intervals[intervals.len() / 2]).max(GAP_S);
     let runs = rows.chunk_by(|one, next| interval(one, next) <= longest);
-    Ok(runs.map(|run| run.iter().map(|row| [row[1], row[2]]).collect()).collect())
+    Ok(runs.map(|run| run.iter().map(|row| [row[1] * unit_m, row[2] * unit_m]).collect()).collect())
 }
 
 /// Time between two rows in seconds, also over the end of the GPS week.
@@ -79,7 +79,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trajectory.csv");
         fs_err::write(&path, text).unwrap();
-        read_trajectory(&path)
+        read_trajectory(&path, 1.0)
     }
 
     #[test]

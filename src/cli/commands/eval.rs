@@ -3,12 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use chainage::config::ConfigError;
+use chainage::config::{ConfigError, LengthUnit};
 use chainage::eval::metrics::hoover::Tolerance;
 use chainage::eval::{
-    self, Axis, ClassTable, CompareSettings, Counted, Evaluation, MetricSettings, Provenance, Report,
+    self, ClassTable, CompareSettings, Counted, Evaluation, MetricSettings, Provenance, Report,
 };
 use chainage::input::{Catalog, InputOptions};
+use chainage::survey::{Axis, AxisSource, read_trajectory};
 
 use crate::cli::exit::{CliError, Outcome};
 use crate::cli::numbers::whole;
@@ -29,8 +30,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "REF", num_args = 1.., help_heading = "Input")]
     reference: Vec<PathBuf>,
 
-    /// Trajectory for the chainage of objects: CSV with the columns x and y in metres [default: the principal
-    /// axis of the objects]
+    /// Trajectory for the chainage of objects, as `chainage run` reads it: CSV with the columns gps_time, x and y
+    /// in the units of the files [default: the principal axis of the objects]
     #[arg(long, value_name = "CSV", help_heading = "Input")]
     trajectory: Option<PathBuf>,
 
@@ -112,10 +113,14 @@ fn tolerance(text: &str) -> Result<Tolerance, String> {
     text.parse().map_err(|error: ConfigError| error.to_string())
 }
 
+/// The report of the run whose outputs are in a folder, if there is one.
+fn report_of(folder: &Path) -> Option<serde_json::Value> {
+    serde_json::from_slice(&std::fs::read(folder.join("report.json")).ok()?).ok()
+}
+
 /// The warning if a folder has the result of a section, which is scored like a whole drive.
 fn section_warning(folder: &Path) -> Option<String> {
-    let report: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(folder.join("report.json")).ok()?).ok()?;
+    let report = report_of(folder)?;
     let metres = |key: &str| report.pointer(&format!("/result/section/{key}"))?.as_f64();
     let (from, to, length) = (metres("from_m")?, metres("to_m")?, metres("length_m")?);
     Some(format!(
@@ -130,7 +135,8 @@ impl EvalArgs {
         let (counted, metrics, trajectory, provenance) = self.compare()?;
         let evaluation = Evaluation::of(counted.table, &metrics, counted.lattice);
         let axis = trajectory.unwrap_or_else(|| {
-            Axis::principal(&evaluation.judged.scene.objects.iter().map(|o| o.centroid_m).collect::<Vec<_>>())
+            let places = evaluation.judged.scene.objects.iter().map(|object| object.centroid_m);
+            Axis::principal_of(&places.map(|[x, y, _]| [x, y]).collect::<Vec<_>>())
         });
         self.show(&Report::new(&evaluation, &metrics, &axis, provenance))?;
         Ok(exit::DONE)
@@ -140,9 +146,8 @@ impl EvalArgs {
         self.one_standard_output()?;
         // Every record is read once, so mapping saves no time. How many pages of a mapped file are resident
         // depends on how the file came into the page cache (7 to 18 MB for four blocks of 2 MB, Linux 6.18).
-        let options = InputOptions { mmap: false, ..InputOptions::default() };
+        let options = InputOptions { mmap: false, unit: self.unit() };
         let metrics = self.metrics()?;
-        let trajectory = self.trajectory.as_deref().map(Axis::read).transpose()?;
         let prediction = Catalog::open(&self.prediction, &options)?;
         let reference = match self.reference.as_slice() {
             [] => None,
@@ -158,13 +163,39 @@ impl EvalArgs {
                 note(&progress::warning(&text));
             }
         }
+        let trajectory = self.axis(&prediction)?;
         let comparison = self.comparison();
         if let Some(text) = comparison.warning(&prediction) {
             note(&progress::warning(&text));
         }
         let counted = eval::count(&prediction, reference.as_ref(), &comparison, &note)?;
-        let provenance = self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
+        let mut provenance =
+            self.provenance(&prediction, reference.as_ref().unwrap_or(&prediction), &counted);
+        if let (Some(path), Some(_)) = (&self.trajectory, &trajectory) {
+            provenance.chainage_along = format!("trajectory {}", path.display());
+        }
         Ok((counted, metrics, trajectory, provenance))
+    }
+
+    /// The unit of the coordinates that the run with the segmentation was told.
+    fn unit(&self) -> LengthUnit {
+        let reports = self.prediction.iter().filter_map(|path| report_of(path));
+        let told = |report: serde_json::Value| {
+            serde_json::from_value(report.pointer("/configuration/input/unit")?.clone()).ok()
+        };
+        reports.filter_map(told).next().unwrap_or(LengthUnit::Auto)
+    }
+
+    /// The axis along the trajectory, if one with a length is given.
+    fn axis(&self, files: &Catalog) -> chainage::Result<Option<Axis>> {
+        let Some(path) = &self.trajectory else { return Ok(None) };
+        let [unit_m, ..] = files.units_m();
+        let axis = Axis::from_runs(AxisSource::Trajectory, read_trajectory(path, unit_m)?);
+        if axis.is_none() {
+            let text = format!("the trajectory {} has no length: it is not used", path.display());
+            note(&progress::warning(&text));
+        }
+        Ok(axis)
     }
 
     fn one_standard_output(&self) -> Result<(), ConfigError> {
@@ -217,10 +248,7 @@ impl EvalArgs {
             class_dim: self.has_classes().then(|| self.class_dim.clone()),
             named_dim: counted.named_dim.clone(),
             matched_by: counted.matching.name().to_owned(),
-            chainage_along: self.trajectory.as_ref().map_or_else(
-                || "principal axis of the objects".to_owned(),
-                |path| format!("trajectory {}", path.display()),
-            ),
+            chainage_along: "principal axis of the objects".to_owned(),
         }
     }
 

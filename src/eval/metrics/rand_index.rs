@@ -33,6 +33,9 @@ fn square(points: u64) -> i128 {
     points * points
 }
 
+/// Largest number of points whose products of pairs fit an i128. With more, the products are rounded.
+const MOST_EXACT: i128 = 3_000_000_000;
+
 /// Sums of squares over the cells, rows and columns of a contingency table.
 #[derive(Debug, Default)]
 struct PairSums {
@@ -44,7 +47,7 @@ struct PairSums {
 
 impl PairSums {
     /// Ordered pairs of points that are together in both (tp), in the segments only (fp), in the objects only
-    /// (fn), in neither (tn). Every sum below stays under 2 n^4, which fits an i128 up to 3 * 10^9 points.
+    /// (fn), in neither (tn). Every sum below stays under 2 n^4.
     fn index(&self) -> f64 {
         let tp = self.cells - self.points;
         let fp = self.columns - self.cells;
@@ -52,6 +55,10 @@ impl PairSums {
         let tn = self.points * self.points - self.rows - self.columns + self.cells;
         if fp == 0 && fn_ == 0 {
             return 1.0;
+        }
+        if self.points > MOST_EXACT {
+            let [tp, fp, fn_, tn] = [tp, fp, fn_, tn].map(|pairs| pairs as f64);
+            return 2.0 * (tp * tn - fn_ * fp) / ((tp + fn_) * (fn_ + tn) + (tp + fp) * (fp + tn));
         }
         let numerator = 2 * (tp * tn - fn_ * fp);
         let denominator = (tp + fn_) * (fn_ + tn) + (tp + fp) * (fp + tn);
@@ -66,6 +73,15 @@ mod tests {
 
     fn index(parts: &[(i64, i64, u64)]) -> Option<f64> {
         adjusted_rand_index(&scene_of(parts, |_| 2), |_| true)
+    }
+
+    #[test]
+    fn billions_of_points_have_the_index_of_thousands() {
+        let parts = [(1, 1, 40), (2, 1, 10), (2, 2, 30)];
+        let [few, many] = [1_000, 1_000_000_000].map(|times| {
+            index(&parts.map(|(object, segment, points)| (object, segment, points * times))).unwrap()
+        });
+        assert!((few - many).abs() < 1e-4, "{few} {many}");
     }
 
     #[test]

@@ -6,9 +6,9 @@ use serde::{Serialize, Serializer};
 use crate::eval::metrics::hoover::Detection;
 use crate::eval::metrics::panoptic::SegmentRole;
 use crate::eval::metrics::{Judged, MetricSettings};
-use crate::eval::report::axis::Axis;
 use crate::eval::report::rounding::millimetres;
-use crate::eval::report::rows::ObjectRows;
+use crate::eval::report::rows::{ObjectRows, chainage_m};
+use crate::survey::Axis;
 use crate::words::counted;
 
 /// An object or a segment that lowers a figure.
@@ -177,7 +177,7 @@ impl<'a> Collect<'a> {
             segment: Some(segment.id),
             class,
             class_name: class.map(|code| self.settings.classes.name(code)),
-            chainage_m: millimetres(self.axis.chainage_m(segment.centroid_m)),
+            chainage_m: millimetres(chainage_m(self.axis, segment.centroid_m)),
             at_m: segment.centroid_m.map(millimetres),
             points: segment.points,
             what: self.segment_in_words(index),

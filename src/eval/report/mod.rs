@@ -1,6 +1,5 @@
 //! The report of an evaluation: its values, and the formats in which they are written.
 
-pub mod axis;
 mod csv;
 mod findings;
 mod json;

@@ -9,8 +9,8 @@ use serde::{Serialize, Serializer};
 use crate::eval::metrics::overlaps::{Object, SmallObject};
 use crate::eval::metrics::panoptic::Iou;
 use crate::eval::metrics::{Judged, MetricSettings};
-use crate::eval::report::axis::Axis;
 use crate::eval::report::rounding::{millimetres, share};
+use crate::survey::Axis;
 
 /// Outcome of one object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -84,6 +84,11 @@ pub struct SmallRow {
     pub points: u64,
 }
 
+/// Chainage of a place in metres.
+pub(super) fn chainage_m(axis: &Axis, [x, y, _]: [f64; 3]) -> f64 {
+    axis.locate([x, y]).0
+}
+
 /// The rows of the objects that are too small, by id.
 #[derive(Debug, Clone)]
 pub struct SmallRows<'a> {
@@ -99,7 +104,7 @@ impl SmallRows<'_> {
             object: object.id,
             class: object.class,
             class_name: self.settings.classes.name(object.class),
-            chainage_m: millimetres(self.axis.chainage_m(object.centroid_m)),
+            chainage_m: millimetres(chainage_m(self.axis, object.centroid_m)),
             at_m: object.centroid_m.map(millimetres),
             points: object.points,
         };
@@ -125,8 +130,8 @@ pub struct ObjectRows<'a> {
 
 impl<'a> ObjectRows<'a> {
     pub(super) fn new(judged: &'a Judged, settings: &'a MetricSettings, axis: &Axis) -> Self {
-        let chainage_m = |object: &Object| millimetres(axis.chainage_m(object.centroid_m));
-        Self { judged, settings, chainages_m: judged.scene.objects.par_iter().map(chainage_m).collect() }
+        let chainage_of = |object: &Object| millimetres(chainage_m(axis, object.centroid_m));
+        Self { judged, settings, chainages_m: judged.scene.objects.par_iter().map(chainage_of).collect() }
     }
 
     /// The rows.

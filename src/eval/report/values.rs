@@ -9,11 +9,11 @@ use crate::eval::classes::ClassTable;
 use crate::eval::metrics::named::{Called, Counts, Hits, Named};
 use crate::eval::metrics::panoptic::SegmentRole;
 use crate::eval::metrics::{Evaluation, Figures, MetricSettings, PointScore};
-use crate::eval::report::axis::Axis;
 
 use crate::eval::report::findings::{self, Behind};
 use crate::eval::report::rounding::share;
 use crate::eval::report::rows::{ObjectRows, SmallRows};
+use crate::survey::Axis;
 
 /// Version of the JSON form; raised if a key changes its meaning or is removed.
 const VERSION: u32 = 1;

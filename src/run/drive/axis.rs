@@ -59,10 +59,7 @@ pub(super) fn find_axis(
     let path = &config.axis.trajectory;
     if !path.as_os_str().is_empty() {
         let [unit_m, ..] = drive.catalog.units_m();
-        let track = read_trajectory(path)?;
-        let metres =
-            |run: Vec<[f64; 2]>| run.into_iter().map(|place| place.map(|value| value * unit_m)).collect();
-        let runs: Vec<Vec<[f64; 2]>> = track.into_iter().map(metres).collect();
+        let runs = read_trajectory(path, unit_m)?;
         check_near(path, &runs.concat(), drive, survey)?;
         if let Some(axis) = Axis::from_runs(AxisSource::Trajectory, runs) {
             return Ok(axis);
