@@ -155,6 +155,8 @@ def _codes(name: str, values: Any, dtype: type[np.integer[Any]]) -> npt.NDArray[
     """One-dimensional integers as this type. Refuses what would change in it."""
     _refuse_masked(name, values)
     array = np.asarray(values)
+    if array.shape == (0,) and isinstance(values, list | tuple):
+        array = array.astype(dtype)  # numpy takes an empty list for floats
     if array.ndim != 1 or array.dtype.kind not in "iub":
         raise ValueError(f"{name} has {array.ndim} dimensions of {array.dtype}: must be one, of integers")
     limits = np.iinfo(dtype)

@@ -21,7 +21,8 @@ def literal(value: Value) -> str:
         value = os.fspath(value)
     if hasattr(value, "item"):
         value = value.item()
-    return json.dumps(value)
+    # JSON would write a character beyond U+FFFF as two escapes, which TOML refuses, and DEL as it is.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def mebibytes(memory: int | str) -> int:

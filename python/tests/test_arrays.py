@@ -9,6 +9,7 @@ import pytest
 from conftest import PROGRAM, SAMPLE
 
 import chainage
+from chainage.settings import literal
 
 laspy = pytest.importorskip("laspy")
 
@@ -49,6 +50,21 @@ def test_cluster_takes_all_points_for_points_of_objects(points, tmp_path):
     labels = chainage.cluster(points, method="dbscan", min_points=6)
     assert labels.max() > 5
     assert np.array_equal(first_of_object(labels), first_of_object(np.asarray(expected["cluster_id"])))
+
+
+def test_no_points_are_scored():
+    figures = chainage.evaluate([], [])
+    assert figures["overall"]["objects"] == 0
+    with pytest.raises(ValueError, match="float64"):
+        chainage.evaluate(np.zeros(0), np.zeros(0))
+
+
+@pytest.mark.parametrize("name", ["吉.csv", "𠮷.csv", 'quo"te.csv', "back\\slash.csv"])
+def test_paths_in_settings_may_have_any_characters(name):
+    with pytest.raises(chainage.ChainageError) as raised:
+        chainage.plan([SAMPLE], axis__trajectory=f"/nowhere/{name}")
+    assert f"/nowhere/{name}" in str(raised.value)
+    assert literal("del\x7f") == '"del\\u007f"'
 
 
 def test_ground_is_that_of_the_command_line(points, tmp_path):
