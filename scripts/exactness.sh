@@ -12,6 +12,7 @@
 # split files are skipped if python3 has no laspy. Exit code 1: something differs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/same_outputs.sh
 program=${CHAINAGE:-target/release/chainage}
 data=${1:-${CHAINAGE_SHARED_DATA:-../shared/data}}
 shift || true
@@ -42,42 +43,12 @@ run() { # OUT FILES... -- OPTIONS...
     runs=$((runs + 1))
 }
 
-# All rows of the layers that are not of the tiles.
-layers() { # GEOPACKAGE
-    python3 - "$1" <<'PYTHON'
-import sqlite3, sys
-
-file = sqlite3.connect(f"file:{sys.argv[1]}?mode=ro", uri=True)
-layers = [name for (name,) in file.execute("SELECT table_name FROM gpkg_contents ORDER BY table_name") if name != "tiles"]
-assert len(layers) >= 3, layers
-for layer in layers:
-    print(layer)
-    for row in file.execute(f'SELECT * FROM "{layer}" ORDER BY 1'):
-        print(row)
-PYTHON
-}
-
 same() { # ONE OTHER WHAT
-    local file
-    for file in "$1"/*; do
-        [ "$(basename "$file")" = report.json ] && continue
-        # It has a layer of the tiles, which differ. The others must not.
-        if [ "$(basename "$file")" = objects.gpkg ]; then
-            layers "$file" >"$scratch/layers" && layers "$2/objects.gpkg" | cmp -s - "$scratch/layers" && continue
-            echo "DIFFERS: $3: objects.gpkg"
-            failed=1
-            continue
-        fi
-        # The page without what the run did: times, memory, tiles.
-        if [ "$(basename "$file")" = report.html ]; then
-            cmp -s <(grep -v 'id="data-run"' "$file") <(grep -v 'id="data-run"' "$2/report.html") && continue
-            echo "DIFFERS: $3: report.html"
-            failed=1
-        elif ! cmp -s "$file" "$2/$(basename "$file")"; then
-            echo "DIFFERS: $3: $(basename "$file")"
-            failed=1
-        fi
-    done
+    local line
+    while read -r line; do
+        echo "DIFFERS: $3: $line"
+        failed=1
+    done < <(same_outputs "$1" "$2" OTHER-TILES)
 }
 
 same_epsilon() { # ONE OTHER WHAT

@@ -10,6 +10,7 @@
 # CHAINAGE). Exit code 1: an output differs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/same_outputs.sh
 program=${CHAINAGE:-target/release/chainage}
 data=${CHAINAGE_SHARED_DATA:-../shared/data}
 method=street
@@ -42,23 +43,11 @@ cp "$scene" "$scratch/laz/$name.laz"
 "$program" run "$scratch/laz/$name.laz" -o "$scratch/unpacked" --output-format las --keep-classification --progress none >/dev/null
 mv "$scratch/unpacked/$name.las" "$scratch/las/$name.las"
 
-without_times() { # REPORT
-    grep -v 'id="data-run"' "$1"
-}
-
 same() { # TEXT
-    local file compared
-    for file in "$scratch/undisturbed"/*; do
-        case $(basename "$file") in
-        report.json) continue ;;
-        report.html) compared=$(cmp <(without_times "$file") <(without_times "$scratch/killed/report.html")) ;;
-        *) compared=$(cmp "$file" "$scratch/killed/$(basename "$file")") ;;
-        esac || {
-            echo "$file: $compared"
-            echo "kill_and_resume: FAILED for $1"
-            exit 1
-        }
-    done
+    same_outputs "$scratch/undisturbed" "$scratch/killed" || {
+        echo "kill_and_resume: FAILED for $1"
+        exit 1
+    }
 }
 
 for kind in laz las; do

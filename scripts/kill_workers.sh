@@ -9,6 +9,7 @@
 # CHAINAGE). Exit code 1: an output differs, or a worker failed that was not killed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+source scripts/same_outputs.sh
 program=${CHAINAGE:-target/release/chainage}
 method=street
 settings=()
@@ -42,23 +43,11 @@ start_ms=$((($(date +%s%N) - began) / 1000000))
 # Each kill comes within twice the time of a start and a sixth of the work, so that a run takes some dozens of them.
 span=$((2 * start_ms + whole_ms / 6 + 1))
 
-without_times() { # REPORT
-    grep -v 'id="data-run"' "$1"
-}
-
 same() {
-    local file compared
-    for file in "$alone"/*; do
-        case $(basename "$file") in
-        report.json) continue ;;
-        report.html) compared=$(cmp <(without_times "$file") <(without_times "$out/report.html")) ;;
-        *) compared=$(cmp "$file" "$out/$(basename "$file")") ;;
-        esac || {
-            echo "$file: $compared"
-            echo "kill_workers: FAILED for $method"
-            exit 1
-        }
-    done
+    same_outputs "$alone" "$out" || {
+        echo "kill_workers: FAILED for $method"
+        exit 1
+    }
 }
 
 due() { # reads the pass and its missing units

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Scores methods on the labelled scenes and on every synthetic preset, as tables for benches/results: scores side by
+# Scores methods on the labelled scenes and on six synthetic presets, as tables for benches/results: scores side by
 # side, OA by class, and the stages of density-peaks.
 #
 #     scripts/score.sh [METHOD,...] [LENGTH] [FOLDER]        euclidean,density-peaks 300m
