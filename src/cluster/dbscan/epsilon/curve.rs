@@ -1,9 +1,9 @@
 //! The mean distance to the k-th nearest neighbour, from sums that do not depend on the order of the points.
 //!
 //! Distances are rounded to multiples of a *quantum* (a power of two) and summed as integers. The sums are
-//! exact, so tiles, threads and the order of records do not change them. The quantum is 2^-40 of the largest
-//! distance. Therefore the error of a mean is at most 5e-13 of that distance, and sums of squares have room
-//! for 2^48 points.
+//! exact, so tiles, threads and the order of records do not change them. The quantum is at least 2^-40 of the
+//! largest distance, and less than 2^-39. Therefore the error of a mean is at most 1e-12 of that distance, and
+//! sums of squares have room for 2^48 points.
 
 use serde::{Deserialize, Serialize};
 
