@@ -86,11 +86,11 @@ impl<'a> Object<'a> {
 
 /// The heights between which an object extends; 0 and 0 without points.
 fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, site: &Site<'_>) -> Ends {
-    let found = Ends::new(&measures.profile, kind.class, site.lattice);
+    let ground = site.ground_below(part);
+    let found = Ends::new(&measures.profile, kind.class, ground, site.lattice);
     let found = found.unwrap_or(Ends { bottom: 0, top: 0 });
     // Most objects do not reach below the ground.
-    let reaches_below =
-        site.ground_below(part).is_some_and(|ground| found.is_far_below(ground, site.lattice));
+    let reaches_below = ground.is_some_and(|ground| found.is_far_below(ground, site.lattice));
     let lowest = if reaches_below { lowest_ground(measures, frames, site) } else { None };
     match lowest {
         Some(lowest) => found.above_ground(&measures.profile, lowest, site.lattice),
