@@ -30,8 +30,8 @@ pub(crate) struct EvalArgs {
     #[arg(long, value_name = "REF", num_args = 1.., help_heading = "Input")]
     reference: Vec<PathBuf>,
 
-    /// Trajectory for the chainage of objects, as `chainage run` reads it: CSV with the columns gps_time, x and y
-    /// in the units of the files [default: the principal axis of the objects]
+    /// Trajectory for the chainage of objects, as `chainage run` reads it: CSV with the columns gps_time, x
+    /// and y in the units of the files [default: the principal axis of the objects]
     #[arg(long, value_name = "CSV", help_heading = "Input")]
     trajectory: Option<PathBuf>,
 

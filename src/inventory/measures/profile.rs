@@ -76,8 +76,8 @@ pub(crate) struct Ends {
 }
 
 impl Ends {
-    /// The ends of an object of a class with this profile; `None` without points. `ground` is the lattice z of
-    /// the ground below the object, if it is known.
+    /// The ends of an object of a class with this profile; `None` without points. `ground` is the lattice z
+    /// of the ground below the object, if it is known.
     pub(crate) fn new(
         profile: &Sketch<Slice>,
         class: u8,

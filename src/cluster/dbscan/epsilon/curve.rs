@@ -2,8 +2,8 @@
 //!
 //! Distances are rounded to multiples of a *quantum* (a power of two) and summed as integers. The sums are
 //! exact, so tiles, threads and the order of records do not change them. The quantum is at least 2^-40 of the
-//! largest distance, and less than 2^-39. Therefore the error of a mean is at most 1e-12 of that distance, and
-//! sums of squares have room for 2^48 points.
+//! largest distance, and less than 2^-39. Therefore the error of a mean is at most 1e-12 of that distance,
+//! and sums of squares have room for 2^48 points.
 
 use serde::{Deserialize, Serialize};
 
