@@ -7,8 +7,8 @@
 # --quick  before a commit: everything that needs no release build
 # Without an option: everything. It takes 25 to 45 minutes on two cores from nothing.
 #
-# Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy, typos, cargo-deny or Chromium.
-# They report what they skip because it is missing. .ci/run installs the tools.
+# Some checks use the shared data (CHAINAGE_SHARED_DATA, else ../shared/data), python3 with laspy and scipy, typos, cargo-deny
+# or Chromium. They report what they skip because it is missing. .ci/run installs the tools.
 set -uo pipefail
 cd "$(dirname "$0")/.."
 exec </dev/null # otherwise the pipe below could become standard input (see .ci/run)
@@ -157,6 +157,13 @@ PYTHON
     PYTHONPATH=$PWD/target/python python3 python/examples/sample.py
 }
 
+references() {
+    local code=0
+    scripts/references.sh || code=$?
+    [ "$code" -ne 77 ] || { skip "implementations in Python (numpy, scipy or laspy is not installed)" && return; }
+    return "$code"
+}
+
 # Debian's QGIS knows its own Python only.
 styles() {
     local folder code=0
@@ -190,6 +197,7 @@ if [ "$lane" = all ]; then
     step "release build" release_build
     step "digests of all outputs" scripts/digest.py --check
     step "exactness" scripts/exactness.sh
+    step "independent implementations" references
     step "Python package" python_package
     step "report in a browser" browser
     step "styles in QGIS" styles

@@ -1,13 +1,17 @@
 """density-peaks (Li et al. 2017, sections 3.2 and 3.3) over a whole cloud with scipy: an independent reference.
 
-python3 peaks_oracle.py LABELLED.laz: takes ground and noise from the classification of a copy that `chainage run`
-labelled (step 1 mm, settings of config/density-peaks.toml), does the method again, prints its stages, and compares the
-partition with cluster_id point by point. Needs numpy, scipy, laspy; a minute for two million points."""
-import sys, numpy as np, laspy, collections
+    tests/oracle/peaks_oracle.py LABELLED.laz
+
+Takes ground and noise from the classification of a copy that `chainage run` labelled (step 1 mm), and the threshold of
+merging from report.json beside it; the other settings are the defaults. Does the method again, prints its stages, and
+compares the partition with cluster_id point by point: exit code 1 if it differs. Needs numpy, scipy, laspy; a minute for
+two million points."""
+import json, pathlib, sys, numpy as np, laspy
 from scipy.spatial import cKDTree
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 f=sys.argv[1]; las=laspy.read(f)
+c_t=json.loads((pathlib.Path(f).parent/'report.json').read_text())['configuration']['density-peaks']['merge_below']
 P=np.rint(np.c_[np.asarray(las.x),np.asarray(las.y),np.asarray(las.z)]*1000).astype(np.int64)
 cls=np.asarray(las.classification); pred=np.asarray(las.cluster_id).astype(np.int64)
 noise=np.isin(cls,[7,18]); gr=(cls==2)&~noise
@@ -67,12 +71,12 @@ need=np.unique(np.r_[a,b]); lt=cKDTree((O[lp]-O[lp].min(0)).astype(float)); OF=O
 cur=np.zeros(len(O))
 for v in need:
     kd,_=lt.query(OF[v].astype(float),k=20); nb=lp[lt.query_ball_point(OF[v].astype(float),kd[-1]+1e-3)]
-    q2=((O[nb]-O[v])**2).sum(1); nb=nb[np.lexsort((nb,q2))][:20]
+    q2=((O[nb]-O[v])**2).sum(1); nb=nb[np.lexsort((*O[nb].T[::-1],q2))][:20]
     X=(O[nb]-O[v]).astype(float); X-=X.mean(0); w=np.linalg.eigvalsh(X.T@X); s=w.sum(); cur[v]=max(w[0],0)/s if s>0 else 0
 lo=np.minimum(pl[a],pl[b]); hi=np.maximum(pl[a],pl[b]); k=lo*C+hi
 u,iv=np.unique(k,return_inverse=True); cnt=np.bincount(iv); cns=np.bincount(iv,(cur[a]+cur[b])/2)/cnt
-print('pairs',len(u),'nearest to C_T',np.abs(cns-.08).min(),flush=True)
-m=cns<.08
+print('pairs',len(u),'nearest to C_T',np.abs(cns-c_t).min(),flush=True)
+m=cns<c_t
 seg=connected_components(coo_matrix((np.ones(m.sum()),(u[m]//C,u[m]%C)),shape=(C,C)),directed=False)[1]
 print('after merging',seg.max()+1)
 h=np.flatnonzero(lab<0); hc=np.full(N,-1); hc[h]=comps(U[h])
@@ -84,8 +88,8 @@ for p,x in zip(hp,dist):
     if q2m>2250000: continue
     cc=hc[inv[p]]
     if cc in best and best[cc][0]<q2m: continue
-    nb=lp[lt.query_ball_point(OF[p].astype(float),x+1e-3)]; q2=((O[nb]-O[p])**2).sum(1); g=q2.min(); w=nb[q2==g].min()
-    if cc not in best or (g,w)<best[cc]: best[cc]=(g,w)
+    nb=lp[lt.query_ball_point(OF[p].astype(float),x+1e-3)]; q2=((O[nb]-O[p])**2).sum(1); g=q2.min(); w=min(nb[q2==g],key=lambda w: tuple(O[w]))
+    if cc not in best or (g,*O[w])<(best[cc][0],*O[best[cc][1]]): best[cc]=(g,w)
 res=np.where(pl>=0,seg[np.maximum(pl,0)],-1)
 for p in hp:
     cc=hc[inv[p]]
@@ -93,4 +97,6 @@ for p in hp:
 print('halo voxels joined',sum(hc[v] in best for v in h),'dropped',sum(hc[v] not in best for v in h))
 mine=pred[obj]; z=(mine==0)!=(res<0)
 pairs=set(zip(mine.tolist(),res.tolist())); 
-print('none differs at',z.sum(),'points; one-to-one:',len(pairs)==len({x for x,_ in pairs})==len({y for _,y in pairs}), len(pairs))
+same=z.sum()==0 and len(pairs)==len({x for x,_ in pairs})==len({y for _,y in pairs})
+print('none differs at',z.sum(),'points; one-to-one:',same, len(pairs))
+sys.exit(0 if same else 1)
