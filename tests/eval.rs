@@ -355,6 +355,16 @@ fn one_point_that_differs_is_named() {
         error.to_string().contains("record 66000 of")
             && error.to_string().contains("(-1.0000, 2.5000, 3.2500)")
     );
+    assert!(error.hint().unwrap().contains("--ignore-time"));
+
+    // Rounded coordinates match in the same order only.
+    let reversed: Vec<Labelled> = points.iter().rev().cloned().collect();
+    write(&at("coarse.las"), 0.01, &[("cluster_id", 5)], &reversed, |point| {
+        point.segment.to_le_bytes().to_vec()
+    });
+    let error = compare(&[at("coarse.las")], &[at("reference.las")]).unwrap_err();
+    let hint = error.hint().unwrap();
+    assert!(hint.contains("in steps of 0.01 and 0.001"), "{hint}");
 
     for (name, first, ends) in [("short.laz", 500, false), ("cut.laz", 60_000, true)] {
         let error = compare(&[at(name)], &[at("reference.las")]).unwrap_err();

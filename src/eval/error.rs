@@ -117,6 +117,8 @@ pub enum EvalError {
         prediction: Box<PointSite>,
         /// The first such point of the reference.
         reference: Box<PointSite>,
+        /// The coarsest scale of the coordinates of each side, in the units of the files.
+        scales: [f64; 2],
     },
     /// The scratch files of a comparison in different orders cannot be written or read back.
     #[error("cannot use the scratch file {path}", path = path.display())]
@@ -149,6 +151,13 @@ impl Failure for EvalError {
             Self::PointCounts { .. } => {
                 Some("give all files of both sides, PRED... --reference REF...".into())
             }
+            Self::Unmatched { scales: [one, other], .. } if (one / other - 1.0).abs() > 1e-9 => Some(
+                format!(
+                    "coordinates in steps of {one} and {other} are matched only in the order of records: write the \
+                     coarser side again with the points and scale of the other"
+                )
+                .into(),
+            ),
             Self::Unmatched { prediction, .. } if prediction.gps_time.is_some() => {
                 Some("when only the times were changed: --ignore-time".into())
             }

@@ -6,6 +6,11 @@
 use crate::model::in_u32;
 use rustc_hash::FxHashMap;
 
+/// Largest extent of the core of a tile, or of cells that are read at once, in lattice units (60 km at 1 mm).
+/// Points far away get tiles of their own. So local coordinates fit 31 bits and methods can index their
+/// cells, for any cell size of the raster.
+pub(crate) const LARGEST_EXTENT: i64 = 60_000_000;
+
 /// A cell of the occupancy raster: `floor(x / edge)`, `floor(y / edge)`.
 pub type Cell = [i32; 2];
 

@@ -6,12 +6,10 @@
 
 use std::collections::BTreeMap;
 
-use crate::spatial::{Cell, CellGrid, CellMap, PackedCells};
+use crate::spatial::{Cell, CellGrid, CellMap, LARGEST_EXTENT, PackedCells};
 
 /// Number of rings of cells around a cell that are tried before the list of all cells.
 const RINGS: i32 = 48;
-/// Largest extent of cells that are read at once, in lattice units: the same as for the core of a tile.
-const EXTENT_UNITS: i64 = 60_000_000;
 
 /// The cells that have been searched.
 pub(crate) struct LookedAt<'a> {
@@ -138,7 +136,7 @@ impl<'a> LookedAt<'a> {
             let extent = |(lo, hi): (i32, i32)| (i64::from(hi) - i64::from(lo)) * self.grid.edge();
             points += u64::from(count);
             match pieces.last_mut() {
-                Some(piece) if points <= most && grown.iter().all(|&ends| extent(ends) < EXTENT_UNITS) => {
+                Some(piece) if points <= most && grown.iter().all(|&ends| extent(ends) < LARGEST_EXTENT) => {
                     piece.push(cell);
                     (lo, hi) = (grown.map(|ends| ends.0), grown.map(|ends| ends.1));
                 }

@@ -30,6 +30,7 @@ mod voxels;
 mod zone;
 
 pub(crate) use all_nearest::Neighbours;
+pub(crate) use cells::LARGEST_EXTENT;
 pub use cells::{Cell, CellCounter, CellCursor, CellGrid, CellMap};
 pub use dimensions::DIMENSIONS;
 pub use disjoint::DisjointSets;

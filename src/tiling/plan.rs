@@ -6,11 +6,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::model::in_u32;
-use crate::spatial::{Cell, CellGrid, PackedCells};
-
-/// Largest extent of a core in lattice units (60 km at 1 mm). Stray points far away get tiles of their own.
-/// So local coordinates fit 31 bits and methods can index their cells, for any cell size of the raster.
-const CORE_EXTENT_UNITS: i64 = 60_000_000;
+use crate::spatial::{Cell, CellGrid, LARGEST_EXTENT, PackedCells};
 
 /// Load of a tile. Large, because the load per point is rounded to an integer, but small enough that the sum
 /// over thousands of tiles fits u64. The rounding can move the beginning of a tile by one cell.
@@ -156,7 +152,7 @@ impl<'a> Cutter<'a> {
     /// Whether a new tile may have to begin within the next bunch.
     fn may_cut(&self, before: u64, bunch: &Bunch) -> bool {
         before / self.share < before.saturating_add(bunch.load) / self.share
-            || bunch.extent(self.grid) >= CORE_EXTENT_UNITS / 2
+            || bunch.extent(self.grid) >= LARGEST_EXTENT / 2
     }
 
     /// Adds the next bunch, which begins at `first`, to the last tile or to a new one.
@@ -165,7 +161,7 @@ impl<'a> Cutter<'a> {
         let inside = self.section_m.is_none_or(|(from, to)| (from..=to).contains(&chainage_m));
         let full = self.tiles.last().is_none_or(|tile| {
             tile.inside != inside
-                || grown.extent(self.grid) >= CORE_EXTENT_UNITS
+                || grown.extent(self.grid) >= LARGEST_EXTENT
                 || match self.size {
                     TileSize::Equal { .. } => self.before / self.share > self.filled,
                     TileSize::Metres(length) => {

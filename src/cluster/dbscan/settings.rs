@@ -175,7 +175,11 @@ pub(super) fn check_radius(key: &str, epsilon: f64) -> Result<(), ConfigError> {
     if (0.001..=10.0).contains(&epsilon) {
         return Ok(());
     }
-    Err(ConfigError::value(key, epsilon, "0.001 to 10 (metres), or \"auto\""))
+    Err(ConfigError::value(
+        key,
+        epsilon,
+        "0.001 to 10 (metres, or standard deviations of the fields), or \"auto\"",
+    ))
 }
 
 /// The radius, if it is a number.

@@ -18,12 +18,17 @@ use crate::eval::matching::order::{Pair, multiples};
 use crate::eval::matching::scratch::{Batch, Buckets, Entry, Taken};
 use crate::eval::matching::sides::{BlockReader, Files, LabelFields, time_bits};
 use crate::eval::table::{Cell, Place, Predicted, Table, Tally};
-use crate::input::record_xyz;
+use crate::input::{Catalog, record_xyz};
 use crate::model::PointId;
 use crate::scratch_folder::ScratchFolder;
 
 /// Minimum number of buckets that a thread joins before its counts are merged with those of others.
 const BUCKETS_AT_A_TIME: usize = 4;
+
+/// The coarsest scale of coordinates in any file, in the units of the files.
+fn coarsest_scale(catalog: &Catalog) -> f64 {
+    catalog.files().iter().flat_map(|file| file.header().scaling.scale).fold(0.0, f64::max)
+}
 
 impl Pair<'_> {
     /// Counts the points of both sides, matched by coordinates and time.
@@ -57,6 +62,7 @@ impl Pair<'_> {
                 points,
                 prediction: Box::new(self.prediction.site(prediction, self.with_time)?),
                 reference: Box::new(self.reference.site(reference, self.with_time)?),
+                scales: [self.prediction.catalog, self.reference.catalog].map(coarsest_scale),
             }
             .into()),
             // Both sides have the same number of points, so a surplus point on one side implies one on the
