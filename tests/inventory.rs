@@ -1,4 +1,4 @@
-//! The columns of the table of objects: their table in README.md is generated from the registry, their names
+//! The columns of the tables of objects and of surfaces: their tables in README.md are generated, their names
 //! follow the rules, and an object keeps its `uid`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -6,20 +6,27 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use chainage::inventory;
+use chainage::model::Column;
 
 use crate::util::drive::{drive, scratch, settings};
 use crate::util::las::{Point, Shape};
 use crate::util::shipped;
 
-/// Start and end of the generated part of README.md.
-const BEGIN: &str =
-    "<!-- columns of objects: generated from src/inventory, checked by tests/inventory.rs -->\n";
-const END: &str = "<!-- end of columns of objects -->\n";
+/// The columns of a table, and the marks around its generated part of README.md.
+fn tables() -> [(Vec<Column>, String, String); 2] {
+    let surfaces = inventory::SURFACE_COLUMNS.to_vec();
+    [("objects", inventory::columns()), ("surfaces", surfaces)].map(|(of, columns)| {
+        let begin = format!(
+            "<!-- columns of {of}: generated from src/inventory, checked by tests/inventory.rs -->\n"
+        );
+        (columns, begin, format!("<!-- end of columns of {of} -->\n"))
+    })
+}
 
-/// The table of README.md, from the registry.
-fn table_of_columns() -> String {
+/// A table of README.md.
+fn table_of(columns: &[Column]) -> String {
     let mut text = String::from("\n| column | type | unit | definition |\n|---|---|---|---|\n");
-    for column in inventory::columns() {
+    for column in columns {
         let (column_type, unit) = (column.column_type.label(), column.unit.label());
         writeln!(text, "| `{}` | {column_type} | {unit} | {} |", column.name, column.definition)
             .expect("written");
@@ -31,22 +38,25 @@ fn table_of_columns() -> String {
 #[test]
 fn the_readme_has_the_columns_of_the_registry() {
     let readme = std::fs::read_to_string(shipped("README.md")).expect("README.md");
-    let (_, rest) = readme.split_once(BEGIN).expect("a mark where the table begins");
-    let (found, _) = rest.split_once(END).expect("a mark where the table ends");
-    let expected = table_of_columns();
-    assert!(
-        found == expected,
-        "README.md and src/inventory differ; between the two marks README.md needs this text:\n{expected}"
-    );
+    for (columns, begin, end) in tables() {
+        let (_, rest) = readme.split_once(&begin).expect("a mark where the table begins");
+        let (found, _) = rest.split_once(&end).expect("a mark where the table ends");
+        let expected = table_of(&columns);
+        assert!(
+            found == expected,
+            "README.md and src/inventory differ; between the two marks README.md needs this text:\n{begin}{expected}"
+        );
+    }
 }
 
 #[test]
 fn columns_are_named_once_and_by_the_rules() {
-    let columns = inventory::columns();
-    let names: BTreeSet<&str> = columns.iter().map(|column| column.name).collect();
-    assert_eq!(names.len(), columns.len(), "a name is used twice");
-    assert_eq!(columns.first().map(|column| column.name), Some("id"), "the first column is the id");
-    for column in &columns {
+    for (columns, ..) in tables() {
+        let names: BTreeSet<&str> = columns.iter().map(|column| column.name).collect();
+        assert_eq!(names.len(), columns.len(), "a name is used twice");
+        assert_eq!(columns.first().map(|column| column.name), Some("id"), "the first column is the id");
+    }
+    for column in tables().iter().flat_map(|(columns, ..)| columns) {
         let name = column.name;
         assert!(name.chars().all(|c| matches!(c, 'a'..='z' | '0'..='9' | '_')), "{name}");
         assert!(

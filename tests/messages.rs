@@ -237,6 +237,11 @@ fn what_a_run_refuses_is_refused_by_a_plan_and_by_config() {
         assert_eq!(refused(folder.path(), &["config", "--set", value], 3), by_plan);
         assert!(by_plan.contains(": must be a "), "{by_plan}");
     }
+    // A setting of a method that this run does not use.
+    let unused = ["drive/first", "--set", "euclidean.max_gap_m=-1"];
+    let by_plan = refused(folder.path(), &[&["plan"], &unused[..]].concat(), 3);
+    assert!(by_plan.contains("euclidean.max_gap_m = -1: must be 0.001 to 10 metres"), "{by_plan}");
+    assert_eq!(refused(folder.path(), &[&["run", "-o", "out"], &unused[..]].concat(), 3), by_plan);
     // A whole number of 301 digits is still a number.
     for length in ["--tile-length", "--to"] {
         let text = refused(folder.path(), &["plan", "drive/first", length, "1e300"], 3);

@@ -153,6 +153,8 @@ fn a_dry_run_shows_the_plan_and_writes_nothing() {
     };
     let dry = told(folder.path(), &[&["run", SAMPLE, "-o", "out", "--dry-run"], &fixed[..]].concat());
     assert_eq!(dry, told(folder.path(), &[&["plan", SAMPLE], &fixed[..]].concat()));
+    // It writes nothing, so it needs no folder.
+    assert_eq!(dry, told(folder.path(), &[&["run", SAMPLE, "--dry-run"], &fixed[..]].concat()));
     assert!(!folder.path().join("out").exists());
 }
 

@@ -35,10 +35,11 @@ pub const SURFACE_COLUMNS: &[Column] = &[
     decimal("normal_y", 9, ColumnUnit::None, "the same along y; positive if the plane is upright"),
     decimal("normal_z", 9, ColumnUnit::None, "the same along z; never negative"),
     decimal(
-        "offset_m",
+        "plane_offset_m",
         3,
         ColumnUnit::Metre,
-        "product of the normal and any place of the plane in metres: its signed distance from the origin of the coordinates",
+        "product of the normal and any place of the plane, both in metres also where coordinates are in feet: the signed \
+         distance of the plane from the origin of the coordinates",
     ),
     decimal(
         "flatness_m2",

@@ -44,9 +44,17 @@ pub(crate) struct Chain {
 }
 
 impl Chain {
-    /// Builds the methods that the configuration names, after a check of the output settings.
+    /// Builds the methods that the configuration names, after a check of the output settings and of the
+    /// settings of all methods. A value that is out of range is probably a mistake, also where this run does
+    /// not use it.
     pub(crate) fn build(config: &Config, registries: &Registries<'_>, lattice: Lattice) -> Result<Self> {
         names::check_settings(config)?;
+        for entry in registries.ground {
+            (entry.build)(&config.method_table(entry.name))?;
+        }
+        for entry in registries.cluster {
+            (entry.build)(&|section| config.method_table(section))?;
+        }
         let noise_config: NoiseConfig = config::section("noise", &config.method_table("noise"))?;
         let noise = IsolatedNoise::new(&noise_config)?;
         let filter = ground_filter(config, registries)?;

@@ -13,7 +13,7 @@ use crate::spatial::{Points, SpatialError};
 const SLACK: f64 = 1.0 + 1e-12;
 
 /// The queries that methods make to a tree of any dimension.
-pub(crate) trait Neighbours {
+trait AnyTree {
     /// Calls `visit` for every candidate within a squared distance of about `limit` (> 0) of a point.
     fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize));
     /// Puts the `count` points nearest to a point, itself included, into `found`. Their order is not defined.
@@ -25,7 +25,7 @@ struct Tree<const D: usize> {
     rows: Vec<[f64; D]>,
 }
 
-impl<const D: usize> Neighbours for Tree<D> {
+impl<const D: usize> AnyTree for Tree<D> {
     fn candidates(&self, point: usize, limit: f64, visit: &mut dyn FnMut(usize)) {
         let query = self.tree.query(&self.rows[point]);
         query.within::<SquaredEuclidean<f64>>(limit).unsorted().visit(|found| visit(found.item as usize));
@@ -39,7 +39,7 @@ impl<const D: usize> Neighbours for Tree<D> {
     }
 }
 
-fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpatialError> {
+fn tree<const D: usize>(points: &Points) -> Result<Box<dyn AnyTree>, SpatialError> {
     let row = |row: &[f64]| std::array::from_fn(|axis| row[axis]);
     let rows: Vec<[f64; D]> = points.rows().map(row).collect();
     // Fails only if u32 cannot count the points, but `Points` does not accept that many.
@@ -51,7 +51,7 @@ fn tree<const D: usize>(points: &Points) -> Result<Box<dyn Neighbours>, SpatialE
 /// Points, indexed for their neighbours.
 pub(crate) struct Index<'a> {
     points: &'a Points,
-    tree: Box<dyn Neighbours>,
+    tree: Box<dyn AnyTree>,
 }
 
 impl<'a> Index<'a> {

@@ -22,8 +22,14 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     inputs: Inputs,
     /// Output directory; a run in it resumes
-    #[arg(short, long, value_name = "DIRECTORY", value_parser = print::folder())]
-    out: PathBuf,
+    #[arg(
+        short,
+        long,
+        value_name = "DIRECTORY",
+        value_parser = print::folder(),
+        required_unless_present = "dry_run"
+    )]
+    out: Option<PathBuf>,
     /// Start again: discard the state of an earlier run in the output directory
     #[arg(long)]
     fresh: bool,
@@ -112,19 +118,21 @@ impl RunArgs {
         let extra: Vec<_> =
             self.output.assignments().into_iter().chain(self.section.assignments()?).collect();
         let config = self.settings.resolve(&extra)?;
-        self.json.spares(&self.out, is_output)?;
+        if let Some(out) = &self.out {
+            self.json.spares(out, is_output)?;
+        }
         let inputs = self.inputs.files()?;
-        if self.dry_run {
-            let plan = plan_of(&inputs, Some(&self.out), &config, &Registries::default())?;
+        let Some(out) = self.out.as_deref().filter(|_| !self.dry_run) else {
+            let plan = plan_of(&inputs, self.out.as_deref(), &config, &Registries::default())?;
             self.json.show(&plan, || plan::page(&plan))?;
             return Ok(exit::DONE);
-        }
+        };
         if self.show.verbose() {
             show_settings(&config)?;
         }
         let output = config.output.clone();
-        let summary = process(inputs, &self.out, config, self.fresh, progress)?;
-        self.json.show(&summary, || page(&summary, &self.out, &output))?;
+        let summary = process(inputs, out, config, self.fresh, progress)?;
+        self.json.show(&summary, || page(&summary, out, &output))?;
         Ok(exit::DONE)
     }
 }

@@ -10,6 +10,7 @@
 use std::ops::Range;
 
 use crate::cluster::linking::closeness::{Bounds, Point, any_within, squared_distance};
+use crate::cluster::linking::numbering::number_sets;
 use crate::cluster::linking::{LayerStep, cell_side, layers, link_cells};
 use crate::model::{AlgorithmError, PointId, TileCloud};
 use crate::spatial::VoxelIndex;
@@ -149,12 +150,7 @@ impl Cells {
                 smallest[root] = smallest[root].min(cloud.id[self.order[at] as usize]);
             }
         }
-        let mut order: Vec<(PointId, usize)> =
-            smallest.into_iter().zip(0..).filter(|(id, _)| *id != PointId::BEYOND_ALL).collect();
-        order.sort_unstable();
-        let mut labels = vec![0; roots.len()];
-        (1..).zip(&order).for_each(|(label, &(_, root))| labels[root] = label);
-        (labels, as_u32(order.len()))
+        number_sets(smallest)
     }
 
     /// Gives border points that the tile owns the label of their nearest core point; ties go to the first by

@@ -36,16 +36,24 @@ pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[PointId]) -> (Vec<u32>,
             smallest[name as usize] = smallest[name as usize].min(id);
         }
     }
+    let (label_of, clusters) = number_sets(smallest);
+    (names.iter().map(|name| name.map_or(0, |name| label_of[name as usize])).collect(), clusters)
+}
+
+/// Numbers sets of points 1, 2, ... in the order of the smallest ids of their points, so that the order of the
+/// points does not matter. Sets without points have [`PointId::BEYOND_ALL`], and get 0. Returns the label of
+/// each set, and the number of labels.
+pub(crate) fn number_sets(smallest: Vec<PointId>) -> (Vec<u32>, u32) {
+    let mut labels = vec![0_u32; smallest.len()];
     let mut order: Vec<(PointId, usize)> =
         smallest.into_iter().zip(0..).filter(|(id, _)| *id != PointId::BEYOND_ALL).collect();
     order.sort_unstable();
-    let mut label_of = vec![0_u32; slots];
-    let mut clusters = 0;
-    for (_, name) in order {
-        clusters += 1;
-        label_of[name] = clusters;
+    let mut count = 0;
+    for (_, set) in order {
+        count += 1;
+        labels[set] = count;
     }
-    (names.iter().map(|name| name.map_or(0, |name| label_of[name as usize])).collect(), clusters)
+    (labels, count)
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 //! bench is `benches/kernels.rs`.
 
 use super::closeness::{Bounds, Point, any_within};
+use super::numbering::number_sets;
 use crate::model::{AlgorithmError, PointId, TileCloud};
 use crate::spatial::{DisjointSets, Linker, VoxelIndex};
 
@@ -127,8 +128,7 @@ impl Cells {
     }
 }
 
-/// The label of every cell, and the number of labels. Sets are numbered from 1 by the smallest id of their
-/// points, so the order of the points does not matter.
+/// The label of every cell, and the number of labels.
 fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut DisjointSets) -> (Vec<u32>, u32) {
     let roots: Vec<u32> = (0..as_u32(index.len())).map(|cell| sets.find(cell)).collect();
     let mut smallest = vec![PointId::BEYOND_ALL; index.len()];
@@ -136,19 +136,8 @@ fn number_by_smallest_id(index: &VoxelIndex, cloud: &TileCloud, sets: &mut Disjo
         let slot = &mut smallest[roots[cell] as usize];
         *slot = cloud.id[points].iter().fold(*slot, |smallest, &id| smallest.min(id));
     }
-    let mut order: Vec<(PointId, u32)> = roots
-        .iter()
-        .zip(0..)
-        .filter(|&(&root, cell)| root == cell)
-        .map(|(_, cell)| (smallest[cell as usize], cell))
-        .collect();
-    order.sort_unstable();
-    let mut label_of_root = vec![0; index.len()];
-    for (label, &(_, root)) in (1..).zip(&order) {
-        label_of_root[root as usize] = label;
-    }
-    let labels = roots.into_iter().map(|root| label_of_root[root as usize]).collect();
-    (labels, as_u32(order.len()))
+    let (label_of_root, count) = number_sets(smallest);
+    (roots.into_iter().map(|root| label_of_root[root as usize]).collect(), count)
 }
 
 /// A count of cells or points; `VoxelIndex::build` has checked that they fit.

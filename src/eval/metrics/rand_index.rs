@@ -77,11 +77,15 @@ mod tests {
 
     #[test]
     fn billions_of_points_have_the_index_of_thousands() {
-        let parts = [(1, 1, 40), (2, 1, 10), (2, 2, 30)];
-        let [few, many] = [1_000, 1_000_000_000].map(|times| {
-            index(&parts.map(|(object, segment, points)| (object, segment, points * times))).unwrap()
-        });
-        assert!((few - many).abs() < 1e-4, "{few} {many}");
+        // Objects of 40 and 40 points, segments of 50 and 30, cells of 40, 10 and 30 points, each times `times`.
+        let of = |times: u64| {
+            let sums = |sizes: &[u64]| sizes.iter().map(|size| square(size * times)).sum();
+            let points = i128::from(80 * times);
+            let [cells, rows, columns] = [sums(&[40, 10, 30]), sums(&[40, 40]), sums(&[50, 30])];
+            PairSums { points, cells, rows, columns }.index()
+        };
+        let (few, most, many) = (of(1_000), of(37_000_000), of(1_000_000_000));
+        assert!((few - most).abs() < 1e-4 && (most - many).abs() < 1e-7, "{few} {most} {many}");
     }
 
     #[test]

@@ -21,8 +21,8 @@ impl Attribute for Extent {
                 coordinate("min_y", "smallest y of a point"),
                 coordinate(
                     "min_z",
-                    "smallest z of a point; a few points below a gap do not count, nor do points more than \
-                     1 m below the ground",
+                    "smallest z of a point; a few points below a gap do not count, unless a tree or pole can \
+                     have them as its stem, nor do points more than 1 m below the ground",
                 ),
                 coordinate("max_x", "largest x of a point"),
                 coordinate("max_y", "largest y of a point"),

@@ -27,8 +27,8 @@ impl Attribute for Height {
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
                 definition: "height of the lowest point above `ground_z`; a few points below a gap do not \
-                             count, nor do points more than 1 m below the ground; empty if `ground_z` is \
-                             empty",
+                             count, unless a tree or pole can have them as its stem, nor do points more than 1 \
+                             m below the ground; empty if `ground_z` is empty",
             },
         ]
     }
