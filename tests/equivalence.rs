@@ -591,7 +591,7 @@ proptest! {
         let strips = PackedCells::from(strips);
         let grid = CellGrid::new(700);
         let chainage_m = &chainage_m;
-        let request = PlanRequest { cells: &points, strips: &strips, chainage_m, grid, size: &size, section_m: None };
+        let request = PlanRequest { cells: &points, strips: &strips, chainage_m, grid, size: &size, inside: None };
         let plan = Plan::new(&request);
         let cores: Vec<Vec<Cell>> = (0..plan.tiles.len()).map(|tile| plan.core(tile)).collect();
         let mut owned: Vec<Cell> = cores.concat();

@@ -13,9 +13,6 @@ use crate::survey::runs::{CORRIDOR_M, distance, tracks};
 pub(super) const VERTEX_SPACING_M: f64 = 1.0;
 /// Length of the axis behind a vertex that belongs to its own stretch and not to an earlier one, in metres.
 const OWN_STRETCH_M: f64 = 40.0;
-/// Number of vertices at an end of the axis that give the direction of its extension. A single step
-/// fluctuates.
-const END_VERTICES: usize = 10;
 /// Longest axis in metres. A longer one results from absurd positions.
 pub(super) const LONGEST_AXIS_M: f64 = 5e6;
 
@@ -36,10 +33,12 @@ pub enum AxisSource {
 pub struct Axis {
     /// Its source.
     pub source: AxisSource,
-    vertices: Vec<[f64; 2]>,
-    chainage: Vec<f64>,
+    pub(super) vertices: Vec<[f64; 2]>,
+    pub(super) chainage: Vec<f64>,
     /// Whether a vertex is connected to the next one. Omitted stretches leave gaps.
-    joined: Vec<bool>,
+    pub(super) joined: Vec<bool>,
+    /// Length of the extension of each end of a stretch that borders a gap in the recording, in metres.
+    pub(super) reach: BTreeMap<usize, f64>,
     index: NearestIndex,
 }
 
@@ -77,14 +76,15 @@ impl Axis {
         joined: Vec<bool>,
     ) -> Self {
         let index = NearestIndex::new(&vertices);
-        Self { source, vertices, chainage, joined, index }
+        Self { source, vertices, chainage, joined, reach: BTreeMap::new(), index }
     }
 
     /// Its memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let vertex = size_of::<[f64; 2]>() + size_of::<f64>() + size_of::<bool>();
-        (self.vertices.len() * vertex) as u64 + self.index.bytes()
+        let extension = size_of::<usize>() + size_of::<f64>();
+        (self.vertices.len() * vertex + self.reach.len() * extension) as u64 + self.index.bytes()
     }
 
     /// Vertices in metres.
@@ -102,12 +102,16 @@ impl Axis {
         })
     }
 
-    /// A hash of vertices and chainage.
+    /// A hash of vertices, chainage and extensions.
     #[must_use]
     pub fn digest(&self) -> u64 {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
         for (vertex, chainage) in self.vertices.iter().zip(&self.chainage) {
             [vertex[0], vertex[1], *chainage].iter().for_each(|value| hasher.update(&value.to_le_bytes()));
+        }
+        for (&vertex, reach) in &self.reach {
+            hasher.update(&(vertex as u64).to_le_bytes());
+            hasher.update(&reach.to_le_bytes());
         }
         hasher.digest()
     }
@@ -142,69 +146,6 @@ impl Axis {
     #[must_use]
     pub fn nearest(&self, place: [f64; 2]) -> usize {
         self.index.nearest(place).unwrap_or(0)
-    }
-
-    /// Chainage of the foot of a place on the axis, and its signed offset (positive to the left), in metres.
-    /// The axis is extended straight beyond its two ends. Before its beginning, chainage is negative.
-    #[must_use]
-    pub fn locate(&self, place: [f64; 2]) -> (f64, f64) {
-        let Some(vertex) = self.index.nearest(place) else { return (0.0, 0.0) };
-        if let Some(beyond) = self.beyond(vertex, place) {
-            return beyond;
-        }
-        let mut best = (f64::INFINITY, self.chainage[vertex], 0.0);
-        for start in [vertex.checked_sub(1), Some(vertex)].into_iter().flatten() {
-            if start + 1 >= self.vertices.len() || !self.joined[start] {
-                continue;
-            }
-            let from = self.vertices[start];
-            let to = self.vertices[start + 1];
-            let dx = to[0] - from[0];
-            let dy = to[1] - from[1];
-            let length = dx.hypot(dy);
-            if length <= 0.0 {
-                continue;
-            }
-            let px = place[0] - from[0];
-            let py = place[1] - from[1];
-            let share = ((px * dx + py * dy) / (length * length)).clamp(0.0, 1.0);
-            let away = (px - share * dx).hypot(py - share * dy);
-            if away < best.0 {
-                let side = if dx * py - dy * px < 0.0 { -away } else { away };
-                best = (
-                    away,
-                    self.chainage[start] + share * (self.chainage[start + 1] - self.chainage[start]),
-                    side,
-                );
-            }
-        }
-        if best.0.is_infinite() {
-            best.2 = distance(place, self.vertices[vertex]);
-        }
-        (best.1, best.2)
-    }
-}
-
-impl Axis {
-    /// Chainage and offset of a place beyond the end of the axis at `vertex`; `None` if the vertex is not an
-    /// end, or the place is not beyond it.
-    fn beyond(&self, vertex: usize, place: [f64; 2]) -> Option<(f64, f64)> {
-        let last = self.vertices.len() - 1;
-        let inner = if vertex == 0 {
-            (1..=END_VERTICES.min(last)).take_while(|&at| self.joined[at - 1]).last()?
-        } else if vertex == last {
-            (last - END_VERTICES.min(last)..last).rev().take_while(|&at| self.joined[at]).last()?
-        } else {
-            return None;
-        };
-        // Along the axis, in the direction of the drive.
-        let (from, to) = (self.vertices[inner.min(vertex)], self.vertices[inner.max(vertex)]);
-        let length = distance(from, to);
-        let (ux, uy) = ((to[0] - from[0]) / length, (to[1] - from[1]) / length);
-        let (px, py) = (place[0] - self.vertices[vertex][0], place[1] - self.vertices[vertex][1]);
-        let along = px * ux + py * uy;
-        let is_beyond = if vertex == 0 { along < 0.0 } else { along > 0.0 };
-        (length > 0.0 && is_beyond).then(|| (self.chainage[vertex] + along, ux * py - uy * px))
     }
 }
 
@@ -250,6 +191,7 @@ fn first_passes(tracks: &[Vec<[f64; 2]>]) -> Axis {
     let mut driven_at: Vec<f64> = Vec::new();
     let mut counted = 0.0;
     let mut on_axis = false;
+    let mut reach = BTreeMap::new();
     let mut before: Option<[f64; 2]> = None;
     let places = tracks.iter().flat_map(|track| track.iter().enumerate());
     for (k, &place) in places {
@@ -258,6 +200,9 @@ fn first_passes(tracks: &[Vec<[f64; 2]>]) -> Axis {
         if k == 0 {
             // All earlier tracks are earlier stretches. The vehicle drove at least straight to this one.
             driven += OWN_STRETCH_M;
+            if on_axis {
+                reach.insert(vertices.len() - 1, step / 2.0);
+            }
             on_axis = false;
             counted += if vertices.is_empty() { 0.0 } else { (step - VERTEX_SPACING_M).max(0.0) };
         }
@@ -283,13 +228,16 @@ fn first_passes(tracks: &[Vec<[f64; 2]>]) -> Axis {
             counted += VERTEX_SPACING_M;
         }
         on_axis = true;
+        if k == 0 && !vertices.is_empty() {
+            reach.insert(vertices.len(), step / 2.0);
+        }
         kept.entry([i, j]).or_default().push(vertices.len());
         vertices.push(place);
         driven_at.push(driven);
         chainage.push(counted);
         joined.push(false);
     }
-    Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined)
+    Axis { reach, ..Axis::assemble(AxisSource::Trajectory, vertices, chainage, joined) }
 }
 
 #[cfg(test)]
@@ -299,35 +247,6 @@ mod tests {
     fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
         let count = 50;
         (0..=count).map(|k| [from + (to - from) * f64::from(k) / f64::from(count), y]).collect()
-    }
-
-    #[test]
-    fn chainage_and_offset_of_places_beside_a_straight_axis() {
-        let axis = Axis::from_positions(AxisSource::Trajectory, &straight(100.0, 300.0, 7.0)).unwrap();
-        let (chainage, offset) = axis.locate([150.4, 10.0]);
-        assert!((chainage - 50.4).abs() < 1e-9 && (offset - 3.0).abs() < 1e-9);
-        assert!((axis.locate([150.4, 2.0]).1 + 5.0).abs() < 1e-9);
-        assert!((axis.length_m() - 200.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn beyond_its_ends_the_axis_goes_straight_on() {
-        let axis = Axis::from_positions(AxisSource::Trajectory, &straight(100.0, 300.0, 7.0)).unwrap();
-        for (place, expected) in [
-            ([80.0, 12.0], (-20.0, 5.0)),
-            ([312.5, 4.0], (212.5, -3.0)),
-            ([100.0, 27.0], (0.0, 20.0)),
-            ([300.0, 27.0], (200.0, 20.0)),
-        ] {
-            let (chainage, offset) = axis.locate(place);
-            assert!((chainage - expected.0).abs() < 1e-6 && (offset - expected.1).abs() < 1e-6, "{place:?}");
-        }
-        // The vertex in the middle of a bend is not an end.
-        let mut bend = straight(0.0, 50.0, 0.0);
-        bend.extend((1..=50).map(|k| [50.0, f64::from(k)]));
-        let axis = Axis::from_positions(AxisSource::Trajectory, &bend).unwrap();
-        let (chainage, offset) = axis.locate([53.0, -4.0]);
-        assert!((chainage - 50.0).abs() < 0.5 && (offset + 5.0).abs() < 0.5, "{chainage} {offset}");
     }
 
     #[test]

@@ -16,6 +16,7 @@ mod clock;
 mod error;
 mod part;
 mod runs;
+mod station;
 mod straight;
 mod time_axis;
 mod trajectory;

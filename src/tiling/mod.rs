@@ -20,7 +20,7 @@
 //!     chainage_m: &(0..100).map(f64::from).collect::<Vec<_>>(),
 //!     grid: CellGrid::new(1_000),
 //!     size: &TileSize::Metres(25.0),
-//!     section_m: None,
+//!     inside: None,
 //! });
 //! assert_eq!(plan.tiles.len(), 4);
 //! // With a reach of 2 m, a tile at the end of the street reads its 25 cells and a halo of 3.

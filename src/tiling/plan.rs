@@ -59,9 +59,9 @@ pub struct PlanRequest<'a> {
     pub grid: CellGrid,
     /// The rule for the length of tiles.
     pub size: &'a TileSize,
-    /// Chainage in metres where the planned section begins and ends. Every tile is either completely inside
-    /// or completely outside it.
-    pub section_m: Option<(f64, f64)>,
+    /// Whether each strip is inside the planned section; `None` if all are. Every tile is either completely
+    /// inside or completely outside it.
+    pub inside: Option<&'a [bool]>,
 }
 
 /// One tile.
@@ -128,7 +128,7 @@ impl Bunch {
 struct Cutter<'a> {
     size: &'a TileSize,
     grid: CellGrid,
-    section_m: Option<(f64, f64)>,
+    inside: Option<&'a [bool]>,
     /// Load of a tile, if all tiles have the same load.
     share: u64,
     /// Load before the next bunch. `filled` is the number of tiles that the load before the last tile fills.
@@ -141,12 +141,12 @@ struct Cutter<'a> {
 
 impl<'a> Cutter<'a> {
     fn new(request: &PlanRequest<'a>, load: u64) -> Self {
-        let &PlanRequest { size, grid, section_m, .. } = request;
+        let &PlanRequest { size, grid, inside, .. } = request;
         let share = match size {
             TileSize::Equal { tiles, .. } => load.div_ceil((*tiles).max(1)).max(1),
             TileSize::Metres(_) => u64::MAX,
         };
-        Self { size, grid, section_m, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
+        Self { size, grid, inside, share, before: 0, filled: 0, tiles: Vec::new(), core: Bunch::EMPTY }
     }
 
     /// Whether a new tile may have to begin within the next bunch.
@@ -158,7 +158,7 @@ impl<'a> Cutter<'a> {
     /// Adds the next bunch, which begins at `first`, to the last tile or to a new one.
     fn take(&mut self, first: Place, chainage_m: f64, bunch: &Bunch) {
         let grown = self.core.and(bunch);
-        let inside = self.section_m.is_none_or(|(from, to)| (from..=to).contains(&chainage_m));
+        let inside = self.inside.is_none_or(|inside| inside[first.0 as usize - 1]);
         let full = self.tiles.last().is_none_or(|tile| {
             tile.inside != inside
                 || grown.extent(self.grid) >= LARGEST_EXTENT
@@ -329,7 +329,10 @@ mod tests {
         let strips = counts.map(|cell, _| number[&cell[0]]);
         let grid = CellGrid::new(1_000);
         let chainage_m = &chainage_m;
-        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m, grid, size, section_m })
+        let inside: Option<Vec<bool>> =
+            section_m.map(|(from, to)| chainage_m.iter().map(|at| (from..=to).contains(at)).collect());
+        let inside = inside.as_deref();
+        Plan::new(&PlanRequest { cells: &counts, strips: &strips, chainage_m, grid, size, inside })
     }
 
     fn street(length: i32) -> Vec<(Cell, u32)> {

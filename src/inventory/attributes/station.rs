@@ -16,14 +16,16 @@ impl Attribute for StationOnAxis {
                 name: "chainage_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "distance of the base along the axis of the drive; negative before its beginning",
+                definition: "distance of the base along the axis of the drive; negative before its beginning; \
+                             a gap in the recording counts as the straight line over it",
             },
             Column {
                 name: "offset_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
                 definition: "distance of the base from the axis; positive to the left of the axis, which \
-                             continues straight beyond its ends",
+                             continues straight beyond its ends, and on either side into a gap in the \
+                             recording up to half of it",
             },
         ]
     }

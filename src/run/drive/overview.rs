@@ -62,9 +62,9 @@ impl Surveyed {
         self.section.as_ref().map(|section| (section.from_m, section.to_m))
     }
 
-    /// Chainage between which cells are inside the section; `None` for the whole drive.
-    pub(crate) fn inside_m(&self) -> Option<(f64, f64)> {
-        self.section.as_ref().map(|section| section.inside_m)
+    /// Whether the cells at each vertex of the axis are inside the section; `None` for the whole drive.
+    pub(crate) fn inside(&self) -> Option<&[bool]> {
+        self.section.as_ref().map(|section| &section.inside[..])
     }
 
     /// Bytes that are in use during the whole run and grow with the length of the drive: its cells with the

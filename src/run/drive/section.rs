@@ -2,10 +2,11 @@
 //! whole.
 //!
 //! Three areas enclose each other. *Inside* are the cells whose chainage is in the section: an object of the
-//! section has points there. Within `tiling.beyond` of these cells, objects are followed and are the same as
-//! in the whole drive. Around that, points are read only because they decide on ground and objects; an object
-//! that reaches them is marked as cut. The areas are dilations in the plane, as halos are: on a loop, a near
-//! place can have a very different chainage.
+//! section has points there. All cells beside one half of a gap in the recording are inside if any chainage
+//! of this half is in the section, because a tile has them all. Within `tiling.beyond` of these cells,
+//! objects are followed and are the same as in the whole drive. Around that, points are read only because
+//! they decide on ground and objects; an object that reaches them is marked as cut. The areas are dilations
+//! in the plane, as halos are: on a loop, a near place can have a very different chainage.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -34,9 +35,9 @@ pub(crate) struct Section {
     /// Chainage where it begins and ends, in metres.
     pub(crate) from_m: f64,
     pub(crate) to_m: f64,
-    /// Smallest and largest chainage of the cells that are inside. They include every cell with points of the
-    /// section.
-    pub(crate) inside_m: (f64, f64),
+    /// Whether the cells whose nearest vertex of the axis this is are inside. They include every cell with
+    /// points of the section.
+    pub(crate) inside: Vec<bool>,
     /// Points of the cells that are processed.
     pub(crate) cells: Arc<PackedCells>,
     /// The squares in which objects are whole.
@@ -57,28 +58,30 @@ impl Section {
         let Some((from_m, to_m)) = config.section() else { return Ok(None) };
         let edge_m = lattice.metres(grid.edge());
         let around_m = AROUND_M + AROUND_EDGES * edge_m;
-        let inside_m = (from_m - around_m, to_m + around_m);
-        let chainage_m = axis.chainage_m();
+        let inside: Vec<bool> = (0..axis.vertices().len())
+            .map(|vertex| axis.span_m(vertex))
+            .map(|(first, last)| last >= from_m - around_m && first <= to_m + around_m)
+            .collect();
         let is_inside = |cell: Cell| {
             let centre = cell.map(|index| (f64::from(index) + 0.5) * edge_m);
-            (inside_m.0..=inside_m.1).contains(&chainage_m[axis.nearest(centre)])
+            inside[axis.nearest(centre)]
         };
-        let inside: BTreeSet<Cell> =
+        let squares: BTreeSet<Cell> =
             all.iter().filter(|(cell, _)| is_inside(*cell)).map(|(cell, _)| square(cell)).collect();
-        if inside.is_empty() {
+        if squares.is_empty() {
             return Err(RunError::NoSection { from_m, to_m, length_m: axis.length_m() }.into());
         }
         let square_units = grid.edge() * i64::from(SQUARE_CELLS);
         #[expect(clippy::cast_possible_truncation, reason = "some hundred metres in squares")]
         let steps = |units: i64| units.div_euclid(square_units) as i32 + 1;
         let beyond = steps(lattice.units_up(config.beyond));
-        let whole = dilated(&inside, beyond);
-        let processed = dilated(&inside, beyond + steps(deciding));
+        let whole = dilated(&squares, beyond);
+        let processed = dilated(&squares, beyond + steps(deciding));
         let mut cells = CellMap::default();
         for (cell, points) in all.iter().filter(|(cell, _)| processed.contains(&square(*cell))) {
             *cells.entry(cell) = points;
         }
-        Ok(Some(Self { from_m, to_m, inside_m, cells: Arc::new(PackedCells::from(cells)), whole }))
+        Ok(Some(Self { from_m, to_m, inside, cells: Arc::new(PackedCells::from(cells)), whole }))
     }
 
     /// Whether an object that reaches no further than this cell is the same in the whole drive.
@@ -164,5 +167,33 @@ mod tests {
         }
         let error = chosen(2_000.0, 2_100.0).unwrap_err().to_string();
         assert!(error.starts_with("there are no points from 2000 to 2100 m: "), "{error}");
+    }
+
+    /// The recording stops at 200 m and goes on 200 m further, where the street has turned.
+    #[test]
+    fn a_section_of_a_gap_in_the_recording_has_the_cells_beside_it() {
+        let grid = CellGrid::new(1_000);
+        let mut cells = CellMap::default();
+        (0..270).for_each(|i| *cells.entry([i, 2]) = 1);
+        (0..150).for_each(|j| *cells.entry([341, 150 + j]) = 1);
+        let all = PackedCells::from(cells);
+        let first: Vec<[f64; 2]> = (0..=200).map(|x| [f64::from(x), 0.0]).collect();
+        let second: Vec<[f64; 2]> = (0..=100).map(|y| [341.0, 200.0 + f64::from(y)]).collect();
+        let axis = Axis::from_runs(AxisSource::Trajectory, vec![first, second]).unwrap();
+        let inside = |from: f64, to: f64, cell: Cell| {
+            let config = TilingConfig { cell: 1.0, tile_length: 0.0, from, to, beyond: 1.0 };
+            let section = Section::chosen(&config, &axis, &all, grid, Lattice::MILLIMETRE, 0).unwrap().unwrap();
+            section.inside[axis.nearest(cell.map(|index| f64::from(index) + 0.5))]
+        };
+        // An object here has the chainage 250 m, and belongs to each section with this chainage.
+        let (chainage_m, _) = axis.locate([250.0, 2.5]);
+        assert!((chainage_m - 250.0).abs() < 1e-6, "{chainage_m}");
+        for (from, to, expected) in [(240.0, 260.0, true), (100.0, 230.0, true), (150.0, 190.0, false)] {
+            assert_eq!(inside(from, to, [250, 2]), expected, "{from} to {to}");
+        }
+        // Behind the gap, chainage is 400 m. The second half of the gap begins at 300 m.
+        for (from, to, expected) in [(240.0, 260.0, false), (310.0, 320.0, true), (450.0, 460.0, false)] {
+            assert_eq!(inside(from, to, [341, 170]), expected, "{from} to {to}");
+        }
     }
 }

@@ -28,7 +28,7 @@ fn depends(surveyed: &Surveyed, drive: &Drive) -> Inputs {
         .with("cell", drive.grid.edge())
         .with("lattice.units_per_m", drive.lattice().units_per_m())
         .with("axis", format!("{:016x}", surveyed.axis.digest()))
-        .with("section", format!("{:?}", surveyed.inside_m()))
+        .with("section", format!("{:?}", surveyed.section_m()))
 }
 
 /// File with the size of the tiles. Sections have files of their own, because their tiles differ.
@@ -90,7 +90,7 @@ impl<'a> Street<'a> {
             chainage_m: self.surveyed.axis.chainage_m(),
             grid: self.grid,
             size,
-            section_m: self.surveyed.inside_m(),
+            inside: self.surveyed.inside(),
         })
     }
 
