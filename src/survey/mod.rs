@@ -15,6 +15,7 @@ mod axis;
 mod clock;
 mod error;
 mod part;
+mod recordings;
 mod runs;
 mod station;
 mod straight;

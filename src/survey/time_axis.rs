@@ -3,18 +3,14 @@
 use std::collections::BTreeMap;
 
 use super::axis::{Axis, AxisSource};
+use super::recordings::{GAP_S, recordings};
 use super::runs::distance;
 use crate::model::Lattice;
-use crate::survey::TimeBin;
+use crate::survey::{TIME_BIN_S, TimeBin};
 
 /// Number of time bins averaged on each side: two seconds, because the mean of the scanned points fluctuates
 /// within this time.
 const SMOOTHING_BINS: usize = 4;
-/// Longest gap in GPS time within a run, in time bins: four seconds. A longer gap means that the recording
-/// stopped, or that a part of the drive was cut out.
-const GAP_BINS: i64 = 8;
-/// Length of a GPS week in time bins.
-const WEEK_BINS: i64 = 2 * 7 * 24 * 3_600;
 /// Number of time bins at each end of the data that may be incomplete: four seconds. If the data is a box cut
 /// out of a drive, its first and last profiles were measured from outside the box and cover one side of the
 /// road only. The mean of their points moves to this side, by up to 16 m on such a scene.
@@ -32,26 +28,13 @@ impl Axis {
         let mut counts: Vec<u64> = bins.values().map(|bin| bin.count).collect();
         counts.sort_unstable();
         let least = counts.get(counts.len() / 2).map_or(0.0, |median| INCOMPLETE_SHARE * *median as f64);
-        let bins = in_order(bins);
-        let runs = bins.chunk_by(|one, next| next.0 - one.0 <= GAP_BINS);
-        let runs: Vec<Vec<[f64; 2]>> = runs.map(|run| path(run, least, lattice)).collect();
+        let bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
+        let runs = recordings(bins, |(number, _)| *number as f64 * TIME_BIN_S, |_| GAP_S);
+        let runs: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| path(run, least, lattice)).collect();
         let length: f64 =
             runs.iter().flat_map(|run| run.windows(2)).map(|pair| distance(pair[0], pair[1])).sum();
         if length < SHORTEST_TRACK_M { None } else { Self::from_runs(AxisSource::GpsTime, runs) }
     }
-}
-
-/// The time bins in the order of the drive. Seconds of the GPS week start again from 0 at its end: if there
-/// is a gap of more than half a week between two bins, those before it were recorded in the next week.
-fn in_order(bins: &BTreeMap<i64, TimeBin>) -> Vec<(i64, &TimeBin)> {
-    let mut bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
-    let in_a_week = bins.iter().all(|(number, _)| (0..=WEEK_BINS).contains(number));
-    let wrap = bins.windows(2).position(|pair| pair[1].0 - pair[0].0 > WEEK_BINS / 2);
-    if let Some(wrap) = wrap.filter(|_| in_a_week) {
-        bins[..=wrap].iter_mut().for_each(|(number, _)| *number += WEEK_BINS);
-        bins.rotate_left(wrap + 1);
-    }
-    bins
 }
 
 /// The smoothed mean positions of time bins without a gap. Bins with fewer than `least` points at the ends
@@ -169,7 +152,7 @@ mod tests {
             (0..60_i32).map(|k| (i64::from(k) + 100, bin([5.0 * f64::from(k), 0.0]))).collect();
         let wrapped: BTreeMap<i64, TimeBin> = plain
             .iter()
-            .map(|(number, bin)| ((number - 130).rem_euclid(WEEK_BINS), TimeBin { ..*bin }))
+            .map(|(number, bin)| ((number - 130).rem_euclid(2 * 7 * 24 * 3_600), TimeBin { ..*bin }))
             .collect();
         let [plain, wrapped] =
             [plain, wrapped].map(|bins| Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap());

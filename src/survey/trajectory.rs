@@ -4,16 +4,13 @@
 use std::path::Path;
 
 use crate::survey::SurveyError;
+use crate::survey::recordings::{GAP_S, recordings};
 use crate::table::{Table, TableError};
 
 const COLUMNS: [&str; 3] = ["gps_time", "x", "y"];
-/// Longest gap in time within a run, in seconds, as between the points of a drive. A trajectory with fewer
-/// positions has a gap where the time is [`GAP_INTERVALS`] times as long as usual.
-const GAP_S: f64 = 4.0;
-/// See [`GAP_S`] (chosen: positions that were thinned by distance are far apart in time at a crossing).
+/// A trajectory with few positions has a gap only where the time is this many times as long as usual (chosen:
+/// positions that were thinned by distance are far apart in time at a crossing).
 const GAP_INTERVALS: f64 = 10.0;
-/// Length of a GPS week in seconds.
-const WEEK_S: f64 = 604_800.0;
 
 /// The positions (x, y) of a trajectory in order of time, in metres: a run for each recording without a gap
 /// in time. `unit_m` is the unit of the coordinates of the drive in metres. Those of the file have it, too.
@@ -39,23 +36,15 @@ pub fn read_trajectory(path: &Path, unit_m: f64) -> Result<Vec<Vec<[f64; 2]>>, S
     }
     // A stable sort: positions with equal times stay in file order.
     rows.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    // Seconds of the GPS week start again from 0 at its end.
-    let wrap = rows.windows(2).position(|pair| pair[1][0] - pair[0][0] > WEEK_S / 2.0);
-    let in_a_week = rows[0][0] >= 0.0 && rows[rows.len() - 1][0] <= WEEK_S;
-    if let Some(wrap) = wrap.filter(|_| in_a_week) {
-        rows.rotate_left(wrap + 1);
-    }
-    let mut intervals: Vec<f64> = rows.windows(2).map(|pair| interval(pair[0], pair[1])).collect();
-    intervals.sort_unstable_by(f64::total_cmp);
-    let longest = (GAP_INTERVALS * intervals[intervals.len() / 2]).max(GAP_S);
-    let runs = rows.chunk_by(|one, next| interval(one, next) <= longest);
-    Ok(runs.map(|run| run.iter().map(|row| [row[1] * unit_m, row[2] * unit_m]).collect()).collect())
+    let runs = recordings(rows, |row| row[0], |intervals| (GAP_INTERVALS * median(intervals)).max(GAP_S));
+    let metres = |row: &&[f64]| [row[1] * unit_m, row[2] * unit_m];
+    Ok(runs.iter().map(|run| run.iter().map(metres).collect()).collect())
 }
 
-/// Time between two rows in seconds, also over the end of the GPS week.
-fn interval(one: &[f64], next: &[f64]) -> f64 {
-    let seconds = next[0] - one[0];
-    if seconds < 0.0 { seconds + WEEK_S } else { seconds }
+/// The middle of these values, the larger one of two.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Where the columns of a trajectory are among those of a table.
