@@ -265,6 +265,22 @@ fn relabel(copied: &InputFile, folder: &Path) {
     }
 }
 
+#[test]
+fn the_descriptor_of_the_labels_says_what_they_are() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mls_profiles.las");
+    let catalog = open(&path).expect("opens");
+    let input = &catalog.files()[0];
+    let before = records(input);
+    let truth = Truth::random(input.point_count(), 3);
+    for (surfaces, text) in [(true, &b"surface, 0: none"[..]), (false, b"object, 0: none")] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let options = LabelOptions { surfaces, ..LabelOptions::default() };
+        let plan = LabelledFile::plan(input, &options).expect("a plan");
+        let copy = std::fs::read(write(&plan, input, &before, &truth, folder.path())).expect("written");
+        assert!(copy[..1_000].windows(text.len()).any(|part| part == text), "surfaces: {surfaces}");
+    }
+}
+
 /// A run on a copy that an earlier run or another program has classified.
 #[test]
 fn classes_that_the_run_decides_are_kept_by_no_other_point() {

@@ -24,7 +24,7 @@ pub const SURFACE_COLUMNS: &[Column] = &[
         "area_m2",
         3,
         ColumnUnit::SquareMetre,
-        "area of the outline in the plane: every point is within 0.1 m of it, and gaps below 0.4 m and holes are filled",
+        "area of the outline in the plane: every point is within 0.1 m of it, gaps below 0.4 m and holes are filled, and separate parts are joined by bridges",
     ),
     decimal(
         "normal_x",

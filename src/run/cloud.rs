@@ -34,8 +34,8 @@ pub(crate) fn format<'a>(open: &'a Opened<'_>, surveyed: &Surveyed) -> Result<Co
     let method = open.chain.method.as_ref();
     let (low, high) = surveyed.extent();
     let frame = (open.drive.lattice(), [low, high]);
-    let dimension = names::dimension(open.config, method);
-    Ok(CopcFormat::of(open.drive.catalog.files(), frame, dimension, method.classifies())?)
+    let label = (names::dimension(open.config, method), method.finds_surfaces());
+    Ok(CopcFormat::of(open.drive.catalog.files(), frame, label, method.classifies())?)
 }
 
 impl Cloud<'_> {

@@ -23,7 +23,8 @@ impl Attribute for CrownSize {
                 name: "crown_area_m2",
                 column_type: ColumnType::Decimal { places: 2 },
                 unit: ColumnUnit::SquareMetre,
-                definition: "area of the concave outline of the crown; trees only",
+                definition: "area of the concave outline of the crown; gaps, holes and separate parts are as \
+                             in `area_m2`; trees only",
             },
             Column {
                 name: "crown_base_m",

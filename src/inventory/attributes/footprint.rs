@@ -16,8 +16,9 @@ impl Attribute for Footprint {
             column_type: ColumnType::Decimal { places: 3 },
             unit: ColumnUnit::SquareMetre,
             definition: "area of the concave outline in the plane, which is the geometry in GeoJSON and \
-                         GeoPackage; every point is within 0.1 m of the outline, and gaps below 0.4 m are \
-                         closed",
+                         GeoPackage; every point is within 0.1 m of the outline; gaps below 0.4 m are closed, \
+                         holes are filled, and separate parts are joined by bridges, so the area is that of one \
+                         polygon without holes",
         }]
     }
 

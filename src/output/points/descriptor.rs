@@ -50,6 +50,11 @@ pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DE
     bytes
 }
 
+/// What the descriptor of the dimension with the label of a point says.
+pub(crate) fn of_label(surfaces: bool) -> &'static str {
+    if surfaces { "surface, 0: none" } else { "object, 0: none" }
+}
+
 /// Descriptors for the extra bytes that have none, so that readers find a dimension after them at its place.
 pub(crate) fn undescribed(layout: &RecordLayout) -> Vec<[u8; DESCRIPTOR]> {
     let std::ops::Range { mut start, end } = layout.undescribed();

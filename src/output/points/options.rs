@@ -12,6 +12,8 @@ pub struct LabelOptions {
     pub format: OutputFormat,
     /// Name of the dimension with the object of a point: 1 to 31 bytes.
     pub dimension: String,
+    /// Whether this dimension has surfaces instead of objects.
+    pub surfaces: bool,
     /// Whether ground, noise and objects are written as the LAS class of the point.
     pub set_classification: bool,
     /// Whether a ground filter ran. If so, no other point keeps the class of ground.
@@ -32,6 +34,7 @@ impl Default for LabelOptions {
         Self {
             format: OutputFormat::Same,
             dimension: CLUSTER_ID.into(),
+            surfaces: false,
             set_classification: true,
             finds_ground: false,
             finds_noise: false,

@@ -101,6 +101,7 @@ pub(crate) fn copies(
     let options = LabelOptions {
         format: config.output.format,
         dimension: dimension(config, method).to_owned(),
+        surfaces: method.finds_surfaces(),
         set_classification,
         finds_ground,
         finds_noise,

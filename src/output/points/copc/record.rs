@@ -5,7 +5,7 @@ use super::octree::PART_DIGITS;
 use crate::input::{InputFile, RecordLayout};
 use crate::model::{AxisTransform, Lattice};
 use crate::output::error::OutputError;
-use crate::output::points::descriptor::{ExtraType, OBJECT_CLASS};
+use crate::output::points::descriptor::{ExtraType, OBJECT_CLASS, of_label};
 
 /// Steps of the scan angle per degree: formats 0 to 5 store degrees, formats 6 to 10 steps of 0.006 degrees
 /// (LAS 1.4 R15, table 16).
@@ -75,7 +75,7 @@ impl<'a> CopcFormat<'a> {
     pub(crate) fn of(
         files: &[InputFile],
         (lattice, extent): (Lattice, [[i64; 3]; 2]),
-        dimension: &'a str,
+        (dimension, surfaces): (&'a str, bool),
         classifies: bool,
     ) -> Result<Self, OutputError> {
         let refused = |reason: &str| OutputError::Copc { reason: reason.to_owned() };
@@ -98,7 +98,7 @@ impl<'a> CopcFormat<'a> {
                 (true, false) => 7,
                 (false, false) => 6,
             };
-        let mut extra = vec![(dimension, ExtraType::U32, "object, 0: none")];
+        let mut extra = vec![(dimension, ExtraType::U32, of_label(surfaces))];
         extra.extend(classifies.then_some((OBJECT_CLASS, ExtraType::U8, "class of the object, 0: none")));
         let mut format = Self {
             point_format,
