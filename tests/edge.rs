@@ -118,7 +118,9 @@ fn points_kilometres_away_are_processed_like_any_other_and_change_nothing_here()
             &after.class[count..]
         );
         assert!(
-            summary.warnings.iter().any(|text| text.contains("lie far from all others")),
+            summary.warnings.iter().any(|text| {
+                text.contains("lie far from all others") && text.contains("the axis does not follow them")
+            }),
             "{:?}",
             summary.warnings
         );

@@ -60,7 +60,7 @@ impl Display for ClockDoubt {
 }
 
 fn slow(bins: &BTreeMap<i64, TimeBin>, lattice: Lattice) -> Option<ClockDoubt> {
-    let bins: Vec<&TimeBin> = bins.values().collect();
+    let bins: Vec<&TimeBin> = bins.values().filter(|bin| bin.is_of_one_place(lattice)).collect();
     let blocks: Vec<[f64; 2]> =
         bins.chunks_exact(BLOCK_BINS).map(|block| mean_place(block, lattice)).collect();
     if blocks.len() < 2 {
@@ -98,7 +98,8 @@ mod tests {
             .map(|k| {
                 let count = i128::from(points);
                 let beside = i128::from(k * 7_919 % 40_000 - 20_000);
-                (k, TimeBin { count: points, sum_x: i128::from(k * step_mm) * count, sum_y: beside * count })
+                let (sum_x, sum_y) = (i128::from(k * step_mm) * count, beside * count);
+                (k, TimeBin { count: points, sum_x, sum_y, ..TimeBin::default() })
             })
             .collect()
     }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 
-use crate::model::{LatticeTransform, RecordView, record_xyz};
+use crate::model::{Lattice, LatticeTransform, RecordView, record_xyz};
 use crate::spatial::{BlockZone, Cell, CellCounter, CellGrid, CellMap};
 
 /// Seconds of GPS time per bin. At 30 km/h, this is about 4 m of driving, which is short compared with any
 /// bend of a road.
 pub const TIME_BIN_S: f64 = 0.5;
 
-/// Largest number of bins with points: 36 hours of scanning, in 20 MB. If there are more, the times are not
+/// Largest number of bins with points: 36 hours of scanning, in 30 MB. If there are more, the times are not
 /// seconds, and the bins are dropped.
 pub(super) const BINS_MAX: usize = 1 << 18;
 
@@ -20,8 +20,12 @@ pub(super) const BINS_MAX: usize = 1 << 18;
 /// by its box alone.
 const ZONE_CELLS_MAX: usize = 192;
 
-/// Sum of the positions of the points of one time bin, in lattice units.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// Largest extent of the points of a time bin in metres (chosen: twice the reach of a vehicle scanner, which
+/// is some hundred metres, and the way of half a second).
+const SCANNED_M: f64 = 2_000.0;
+
+/// Sum and extent of the positions of the points of one time bin, in lattice units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TimeBin {
     /// Points in the bin.
     pub count: u64,
@@ -29,6 +33,43 @@ pub struct TimeBin {
     pub sum_x: i128,
     /// Sum of the lattice y.
     pub sum_y: i128,
+    /// Smallest lattice x and y.
+    pub lo: [i64; 2],
+    /// Largest lattice x and y.
+    pub hi: [i64; 2],
+}
+
+impl Default for TimeBin {
+    fn default() -> Self {
+        Self { count: 0, sum_x: 0, sum_y: 0, lo: [i64::MAX; 2], hi: [i64::MIN; 2] }
+    }
+}
+
+impl TimeBin {
+    #[inline]
+    fn add(&mut self, [x, y, _]: [i64; 3]) {
+        self.count += 1;
+        self.sum_x += i128::from(x);
+        self.sum_y += i128::from(y);
+        self.lo = [self.lo[0].min(x), self.lo[1].min(y)];
+        self.hi = [self.hi[0].max(x), self.hi[1].max(y)];
+    }
+
+    fn merge(&mut self, other: &Self) {
+        self.count += other.count;
+        self.sum_x += other.sum_x;
+        self.sum_y += other.sum_y;
+        self.lo = [0, 1].map(|k| self.lo[k].min(other.lo[k]));
+        self.hi = [0, 1].map(|k| self.hi[k].max(other.hi[k]));
+    }
+
+    /// Whether a scanner can have measured all points of the bin within half a second. If not, their mean is
+    /// no place on the road: a single point at the origin of a coordinate system is 5,000 km away, and moves
+    /// the mean of 50,000 others by 100 m.
+    pub(super) fn is_of_one_place(&self, lattice: Lattice) -> bool {
+        let most = lattice.units(SCANNED_M);
+        (0..2).all(|k| self.hi[k].saturating_sub(self.lo[k]) <= most)
+    }
 }
 
 /// A record with an absurd position.
@@ -177,9 +218,7 @@ impl Collector {
             self.flush_bin();
             self.bin = bin;
         }
-        self.bin_sum.count += 1;
-        self.bin_sum.sum_x += i128::from(point[0]);
-        self.bin_sum.sum_y += i128::from(point[1]);
+        self.bin_sum.add(point);
         Some(time)
     }
 
@@ -218,10 +257,7 @@ impl Collector {
 /// Adds to a bin. If there are too many then, drops all and returns true. Whether the bins of a drive are too
 /// many depends on their number alone, so it is the same in any order of records, parts and files.
 fn add_bin(bins: &mut BTreeMap<i64, TimeBin>, bin: i64, sum: &TimeBin) -> bool {
-    let total = bins.entry(bin).or_default();
-    total.count += sum.count;
-    total.sum_x += sum.sum_x;
-    total.sum_y += sum.sum_y;
+    bins.entry(bin).or_default().merge(sum);
     let too_many = bins.len() > BINS_MAX;
     if too_many {
         bins.clear();
@@ -310,7 +346,7 @@ impl Survey {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{AxisTransform, Lattice};
+    use crate::model::AxisTransform;
 
     fn records(points: &[([i32; 3], f64)]) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -333,7 +369,7 @@ mod tests {
     fn counts_cells_times_and_extent() {
         let part = survey(&[([-1, 0, 5], 10.1), ([0, 999, 7], 10.4), ([1_000, 0, -3], f64::NAN)]);
         assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 1), ([1, 0], 1)]);
-        assert_eq!(part.time_bins[&20], TimeBin { count: 2, sum_x: -1, sum_y: 999 });
+        assert_eq!(part.time_bins[&20], TimeBin { count: 2, sum_x: -1, sum_y: 999, lo: [-1, 0], hi: [0, 999] });
         assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
         assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
         assert_eq!(part.zones[0].coarse, [[-1, 0], [0, 0]]);

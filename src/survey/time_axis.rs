@@ -28,9 +28,13 @@ impl Axis {
         let mut counts: Vec<u64> = bins.values().map(|bin| bin.count).collect();
         counts.sort_unstable();
         let least = counts.get(counts.len() / 2).map_or(0.0, |median| INCOMPLETE_SHARE * *median as f64);
-        let bins: Vec<(i64, &TimeBin)> = bins.iter().map(|(number, bin)| (*number, bin)).collect();
+        let bins = bins.iter().map(|(number, bin)| (*number, bin));
+        let bins: Vec<(i64, &TimeBin)> = bins.filter(|(_, bin)| bin.is_of_one_place(lattice)).collect();
         let runs = recordings(bins, |(number, _)| *number as f64 * TIME_BIN_S, |_| GAP_S);
-        let runs: Vec<Vec<[f64; 2]>> = runs.iter().map(|run| path(run, least, lattice)).collect();
+        // A recording of less than one usual bin is a single point with a wrong time, or hardly more.
+        let points = |run: &[(i64, &TimeBin)]| run.iter().map(|(_, bin)| bin.count).sum::<u64>() as f64;
+        let runs = runs.iter().filter(|run| points(run) >= least);
+        let runs: Vec<Vec<[f64; 2]>> = runs.map(|run| path(run, least, lattice)).collect();
         let length: f64 =
             runs.iter().flat_map(|run| run.windows(2)).map(|pair| distance(pair[0], pair[1])).sum();
         if length < SHORTEST_TRACK_M { None } else { Self::from_runs(AxisSource::GpsTime, runs) }
@@ -91,6 +95,7 @@ mod tests {
             count,
             sum_x: x * i128::from(count) * 1_000,
             sum_y: y * i128::from(count) * 1_000,
+            ..TimeBin::default()
         };
         let bins: BTreeMap<i64, TimeBin> = (0..40_i64)
             .map(|k| {
@@ -116,7 +121,7 @@ mod tests {
     /// A bin of 1,000 points at a place in metres.
     fn bin([x, y]: [f64; 2]) -> TimeBin {
         let sum = |value: f64| i128::from(Lattice::MILLIMETRE.units(value)) * 1_000;
-        TimeBin { count: 1_000, sum_x: sum(x), sum_y: sum(y) }
+        TimeBin { count: 1_000, sum_x: sum(x), sum_y: sum(y), ..TimeBin::default() }
     }
 
     /// East along y = 0 in the first part, and on another street in the second, which the recording reaches
@@ -158,5 +163,33 @@ mod tests {
             [plain, wrapped].map(|bins| Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap());
         assert_eq!(plain.vertices(), wrapped.vertices());
         assert_eq!(plain.chainage_m(), wrapped.chainage_m());
+    }
+
+    /// A point at the origin of the coordinate system, at a time of the drive or at time 0.
+    #[test]
+    fn single_points_far_away_do_not_move_the_axis() {
+        let place = |k: i64| [600_000.0 + 5.0 * k as f64, 5_400_000.0];
+        let drive = || (0..60_i64).map(|k| (1_000 + k, scanned(place(k), 60.0)));
+        let plain = Axis::from_time_bins(&drive().collect(), Lattice::MILLIMETRE).unwrap();
+        for at in [1_030, 0] {
+            let mut bins: BTreeMap<i64, TimeBin> = drive().collect();
+            let bin = bins.entry(at).or_default();
+            *bin = TimeBin { count: bin.count + 1, lo: [0; 2], hi: [bin.hi[0].max(0), bin.hi[1].max(0)], ..*bin };
+            let axis = Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap();
+            assert_eq!(axis.stretches().count(), 1, "{at}");
+            assert!((axis.length_m() - plain.length_m()).abs() < 1e-6, "{at}: {}", axis.length_m());
+            let beside = axis.vertices().iter().map(|vertex| (vertex[1] - 5_400_000.0).abs()).fold(0.0, f64::max);
+            assert!(beside < 1e-6, "{at}: {beside} m");
+        }
+        // Another street, however far away, is one if it has as many points.
+        let far = (0..60_i64).map(|k| (9_000 + k, scanned([5.0 * k as f64, 0.0], 60.0)));
+        let axis = Axis::from_time_bins(&drive().chain(far).collect(), Lattice::MILLIMETRE).unwrap();
+        assert_eq!(axis.stretches().count(), 2);
+    }
+
+    /// A bin of 1,000 points within some metres around a place.
+    fn scanned(place: [f64; 2], around_m: f64) -> TimeBin {
+        let corner = |away: f64| place.map(|value| Lattice::MILLIMETRE.units(value + away));
+        TimeBin { lo: corner(-around_m), hi: corner(around_m), ..bin(place) }
     }
 }

@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::config::{AxisChoice, Config};
 use crate::error::Result;
 use crate::run::drive::Drive;
+use crate::run::drive::strays::Usual;
 use crate::spatial::PackedCells;
 use crate::survey::{Axis, AxisSource, ClockDoubt, Survey, SurveyError, read_trajectory};
 
@@ -52,7 +53,7 @@ fn check_near(path: &Path, track: &[[f64; 2]], drive: &Drive, survey: &Survey) -
 pub(super) fn find_axis(
     drive: &Drive,
     survey: &Survey,
-    cells: &PackedCells,
+    (cells, usual): (&PackedCells, &Usual),
     config: &Config,
     warnings: &mut Vec<String>,
 ) -> Result<Axis> {
@@ -71,7 +72,7 @@ pub(super) fn find_axis(
             warnings.push(format!(
                 "{doubt}; the axis is the principal axis of the points (--trajectory gives the driven one)"
             ));
-            return Ok(Axis::principal(cells, drive.grid, drive.lattice()));
+            return Ok(principal(drive, cells, usual));
         }
         if let Some(axis) = Axis::from_time_bins(&survey.time_bins, drive.lattice()) {
             return Ok(axis);
@@ -80,5 +81,11 @@ pub(super) fn find_axis(
             warnings.push("GPS time gives no track: the axis is the principal axis of the points".to_owned());
         }
     }
-    Ok(Axis::principal(cells, drive.grid, drive.lattice()))
+    Ok(principal(drive, cells, usual))
+}
+
+/// The principal axis of the cells. Those far from all others would turn it.
+fn principal(drive: &Drive, cells: &PackedCells, usual: &Usual) -> Axis {
+    let near = usual.without_far(cells);
+    Axis::principal(near.as_ref().unwrap_or(cells), drive.grid, drive.lattice())
 }

@@ -13,6 +13,7 @@ mod quantiles;
 mod scattered;
 pub(crate) mod section;
 pub(crate) mod sections;
+mod strays;
 mod tiles;
 mod verdicts;
 mod warnings;

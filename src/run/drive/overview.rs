@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 use crate::run::drive::Drive;
 use crate::run::drive::Section;
 use crate::run::drive::axis::find_axis;
-use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes, warn_of_strays};
+use crate::run::drive::strays::Usual;
+use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes};
 use crate::spatial::{BlockZone, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
 use crate::words::counted;
@@ -37,14 +38,15 @@ impl Surveyed {
         let mut warnings = Vec::new();
         check_extent(drive, &survey)?;
         let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
-        let axis = find_axis(drive, &survey, &cells, config, &mut warnings)?;
+        let usual = Usual::of(drive, &cells);
+        let axis = find_axis(drive, &survey, (&cells, &usual), config, &mut warnings)?;
         if survey.bad_times > 0 {
             let times = counted(survey.bad_times, "point");
             let verb = if survey.bad_times == 1 { "has" } else { "have" };
             warnings.push(format!("{times} {verb} no usable GPS time: it is not finite, or beyond 1e15 s"));
         }
         survey.time_bins.clear();
-        warn_of_strays(drive, &survey, &cells, &mut warnings);
+        usual.warn(drive, &survey, &cells, &axis, &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
         warn_of_files_apart(drive, &mut warnings);
         let (grid, lattice) = (drive.grid, drive.lattice());

@@ -1,8 +1,6 @@
-//! Warnings about a drive that do not prevent a run: headers that do not match, points far from all others.
+//! Warnings about a drive that do not prevent a run: headers that do not match, files far from each other.
 
 use crate::run::drive::Drive;
-use crate::run::drive::quantiles::Rows;
-use crate::spatial::PackedCells;
 use crate::survey::Survey;
 use crate::words;
 
@@ -82,41 +80,6 @@ fn largest_step(boxes: &[[[f64; 2]; 2]]) -> f64 {
         left.iter_mut().for_each(|(step, other)| *step = step.min(gap(next, other)));
     }
     largest
-}
-
-/// Points far from all others are usually errors of the scanner or of a merge. They are processed like other
-/// points.
-pub(super) fn warn_of_strays(
-    drive: &Drive,
-    survey: &Survey,
-    cells: &PackedCells,
-    warnings: &mut Vec<String>,
-) {
-    let Some((lo, hi)) = survey.extent else { return };
-    let lattice = drive.lattice();
-    let edge_m = lattice.metres(drive.grid.edge());
-    let mut far = 0;
-    let reach = [0, 1].map(|k| {
-        let rows = Rows::of(cells, k);
-        let [low, high] = [0.01, 0.99].map(|share| f64::from(rows.quantile(share)) * edge_m);
-        let margin = (high - low).max(100.0) * 5.0;
-        (low - margin, high + margin)
-    });
-    for (cell, points) in cells.iter() {
-        let out = (0..2).any(|k| {
-            let at = f64::from(cell[k]) * edge_m;
-            at < reach[k].0 || at > reach[k].1
-        });
-        far += if out { u64::from(points) } else { 0 };
-    }
-    if far > 0 {
-        let [x_km, y_km] = [0, 1].map(|k| lattice.metres(hi[k] - lo[k]) / 1e3);
-        let (lie, they) = if far == 1 { ("lies", "it is") } else { ("lie", "they are") };
-        warnings.push(format!(
-            "{} {lie} far from all others: the drive spans {x_km:.1} x {y_km:.1} km, and {they} processed like any other",
-            words::counted(far, "point")
-        ));
-    }
 }
 
 #[cfg(test)]

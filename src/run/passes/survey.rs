@@ -15,6 +15,9 @@ use crate::survey::{Collector, Survey, SurveyPart};
 const NUMBER: u32 = 0;
 const NAME: &str = "survey";
 
+/// What the bytes of a unit mean. 2: bins of time have the extent of their points.
+const EPOCH: u32 = 2;
+
 /// Sections of the payload of a unit.
 const PART: usize = 0;
 const POSITIONS: usize = 1;
@@ -31,6 +34,7 @@ impl<'a> SurveyPass<'a> {
     /// The survey of a drive. It depends on the files and on the raster.
     pub(crate) fn of(drive: &'a Drive, config: &Config, run_dir: Option<&'a RunDir>) -> Self {
         let mut depends = Inputs::new()
+            .with("survey epoch", EPOCH)
             .with("lattice.units_per_m", drive.lattice().units_per_m())
             .with("tiling.cell", config.tiling.cell)
             .with("input.unit", config.input.unit.name())
