@@ -486,3 +486,35 @@ fn a_system_that_is_not_understood_is_told_and_its_text_is_kept() {
     assert!(catalog.crs().description.starts_with("given but not understood"), "{:?}", catalog.crs());
     assert!(catalog.warnings()[0].contains("(GeoTIFF keys)"), "{:?}", catalog.warnings());
 }
+
+/// From byte 179 on, a header has the largest and the smallest x, then those of y and z.
+#[test]
+fn boxes_that_no_points_can_have_are_named_with_their_numbers() {
+    let folder = Folder::new();
+    let with = |name: &str, ends: &[(usize, f64)]| {
+        let mut bytes = sample(LAS);
+        ends.iter().for_each(|(at, value)| put(&mut bytes, 179 + 8 * at, &value.to_le_bytes()));
+        folder.file(name, &bytes)
+    };
+    let warned = |paths: &[PathBuf]| -> Vec<String> {
+        let catalog = open(paths).expect("a box is no reason to refuse a file");
+        catalog.warnings().iter().filter(|text| text.contains("which they cannot have")).cloned().collect()
+    };
+    assert_eq!(warned(&[with("right.las", &[])]), [""; 0]);
+    for (name, ends, numbers) in [
+        ("nan.las", vec![(0, f64::NAN), (3, f64::NAN)], [" to NaN, ", "y NaN to "]),
+        ("far.las", vec![(2, 1e12)], ["y ", " to 1000000000000.00"]),
+        ("turned.las", vec![(4, -1e5), (5, 1e5)], ["z 100000.00 to -100000.00", "z "]),
+    ] {
+        let found = warned(&[with(name, &ends)]);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].starts_with(name), "{found:?}");
+        assert!(numbers.iter().all(|number| found[0].contains(number)), "{found:?}");
+    }
+    // Many files are counted, and not named.
+    let many: Vec<PathBuf> = (0..9).map(|k| with(&format!("{k}.las"), &[(2, 1e12 + f64::from(k))])).collect();
+    assert_eq!(warned(&many).len(), 5);
+    let catalog = open(&many).expect("opens");
+    let rest: Vec<&String> = catalog.warnings().iter().filter(|text| text.contains("same way")).collect();
+    assert_eq!(rest, ["the headers of 4 more files are wrong in the same way"]);
+}

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::boxes::note_boxes;
 use super::crs::{Crs, CrsKind};
 use super::error::InputError;
 use super::file::InputFile;
@@ -63,6 +64,7 @@ impl Catalog {
         files.iter_mut().for_each(|file| file.set_units(units_m));
         note_units(units_m, &mut warnings);
         note_clocks(&files, &mut warnings);
+        note_boxes(&files, &mut warnings);
         let finest_m = files.iter().map(InputFile::finest_scale_m).fold(f64::INFINITY, f64::min);
         let lattice = Lattice::for_scale(finest_m);
         for file in &mut files {

@@ -19,6 +19,7 @@
 //! # Ok::<(), chainage::input::InputError>(())
 //! ```
 
+mod boxes;
 mod catalog;
 mod chunks;
 pub(crate) mod copc;

@@ -12,11 +12,11 @@ const BOX_TOLERANCE_M: f64 = 0.01;
 pub(super) fn warn_of_header_boxes(drive: &Drive, survey: &Survey, warnings: &mut Vec<String>) {
     let Some((lo, hi)) = survey.extent else { return };
     let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
-    let boxes: Vec<_> = files.map(|file| (file.header_extent(), file.units_m())).collect();
+    let boxes: Vec<_> = files.map(|file| (file.credible_extent(), file.units_m())).collect();
     let outermost = |end: usize, axis: usize, pick: fn(f64, f64) -> f64| {
         boxes
             .iter()
-            .map(|(extent, units_m)| extent[end][axis] * units_m[axis])
+            .filter_map(|(extent, units_m)| Some(extent[end][axis]? * units_m[axis]))
             .reduce(pick)
             .unwrap_or(f64::NAN)
     };
@@ -44,9 +44,10 @@ const APART_M: f64 = 10_000.0;
 pub(super) fn warn_of_files_apart(drive: &Drive, warnings: &mut Vec<String>) {
     let files = drive.catalog.files().iter().filter(|file| file.point_count() > 0);
     let boxes: Vec<[[f64; 2]; 2]> = files
-        .map(|file| {
-            let (extent, units_m) = (file.header_extent(), file.units_m());
-            extent.map(|corner| [corner[0] * units_m[0], corner[1] * units_m[1]])
+        .filter_map(|file| {
+            let ([low, high], units_m) = (file.credible_extent(), file.units_m());
+            let corner = |ends: [Option<f64>; 3]| Some([ends[0]? * units_m[0], ends[1]? * units_m[1]]);
+            Some([corner(low)?, corner(high)?])
         })
         .collect();
     let apart_m = largest_step(&boxes);
