@@ -8,6 +8,8 @@ use chainage::input::{Catalog, Fields, InputError, InputOptions, LengthUnit, rec
 use chainage::model::{Lattice, LatticeTransform};
 use rayon::prelude::*;
 
+use crate::util::las::{Point, Shape};
+
 /// 10,310 points, LAS 1.2, point format 1, no record of a coordinate system.
 const LAS: &str = "mls_profiles.las";
 /// 71,841 points, LAS 1.4, point format 6, compressed.
@@ -355,9 +357,15 @@ fn coordinate_systems_of_one_drive_must_agree() {
     };
     let folder = Folder::new();
     let one = folder.file("a.las", &utm(32));
-    let two = folder.file("b.las", &utm(32));
+    // Files with equal points get a warning of their own, so the last x of these differs.
+    let with_end = |mut bytes: Vec<u8>, bit: u8| {
+        let last = bytes.len() - 28;
+        bytes[last] ^= bit;
+        bytes
+    };
+    let two = folder.file("b.las", &with_end(utm(32), 1));
     let other = folder.file("c.las", &utm(33));
-    let plain = folder.file("d.las", &sample(LAS));
+    let plain = folder.file("d.las", &with_end(sample(LAS), 2));
     let catalog = open(&[one.clone(), two]).expect("the same system");
     assert_eq!(catalog.crs().epsg, Some(25_832));
     assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());
@@ -517,4 +525,35 @@ fn boxes_that_no_points_can_have_are_named_with_their_numbers() {
     let catalog = open(&many).expect("opens");
     let rest: Vec<&String> = catalog.warnings().iter().filter(|text| text.contains("same way")).collect();
     assert_eq!(rest, ["the headers of 4 more files are wrong in the same way"]);
+}
+
+#[test]
+fn a_scan_that_is_given_twice_is_named() {
+    let folder = Folder::new();
+    let warned = |paths: &[PathBuf]| -> Vec<String> {
+        let catalog = open(paths).expect("opens");
+        let is_meant = |text: &&String| text.contains("the points of another") || text.contains("the same points");
+        catalog.warnings().iter().filter(is_meant).cloned().collect()
+    };
+    let whole = sample(LAS);
+    let start = u32::from_le_bytes(whole[96..100].try_into().expect("four bytes")) as usize;
+    let first = folder.file("a.las", &whole);
+    let found = warned(&[first.clone(), folder.file("b.las", &whole)]);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].contains("a.las and ") && found[0].contains("b.las have the same points"), "{found:?}");
+    // The coding is another, the points are the same.
+    let points: Vec<Point> = (0..5_000).map(|k| Point::at([k, 2 * k, k % 7])).collect();
+    let both = ["c.las", "c.laz"].map(|name| folder.0.path().join(name));
+    both.iter().for_each(|path| Shape::default().write_in_chunks(path, &points, 700));
+    assert_eq!(warned(&both).len(), 1);
+    // Equal headers with other points are no copy.
+    let mut other = whole.clone();
+    other[start + 20 * 28] ^= 1;
+    assert_eq!(warned(&[first, folder.file("other.las", &other)]), [""; 0]);
+    // Many copies are counted, and not named.
+    let many: Vec<PathBuf> = (0..70).map(|k| folder.file(&format!("{k:02}.las"), &whole)).collect();
+    let found = warned(&many);
+    assert_eq!(found.len(), 7, "{found:?}");
+    assert!(found.iter().any(|text| text == "58 more files have the points of another file"), "{found:?}");
+    assert!(found.iter().any(|text| text.starts_with("6 more files may have the points")), "{found:?}");
 }

@@ -9,6 +9,7 @@ use super::error::InputError;
 use super::file::InputFile;
 use super::names;
 use super::options::InputOptions;
+use super::twins::note_twins;
 use super::unit::unit_in_words;
 use crate::config::LengthUnit;
 use crate::model::{Lattice, PointId};
@@ -76,6 +77,7 @@ impl Catalog {
             first_ids.push(PointId::new(point_count));
             point_count += file.point_count();
         }
+        note_twins(&files, &mut warnings);
         Ok(Self { files, first_ids, point_count, lattice, crs, units_m, warnings })
     }
 

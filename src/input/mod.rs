@@ -37,6 +37,7 @@ mod names;
 mod options;
 mod problem;
 mod projection;
+mod twins;
 mod uncounted;
 mod unit;
 pub(crate) mod vlr;
