@@ -158,6 +158,26 @@ fn a_drive_as_wide_as_records_allow_keeps_its_objects() {
     assert_eq!(run("tiling.cell=10.0"), fine);
 }
 
+/// With a scale of 1 m, a damaged record has a coordinate that no place on earth has.
+#[test]
+fn a_coordinate_that_is_nowhere_on_earth_is_refused_with_its_record() {
+    let scratch = Scratch::new();
+    let shape = Shape { scale_tenths: 10_000, ..Shape::default() };
+    let mut points: Vec<Point> =
+        (0..70_000).map(|k| Point::at([k % 300 * 1_000, k / 300 * 1_000, 0])).collect();
+    points[69_000].mm[1] = -1_000_000_000_000;
+    for name in ["damaged.las", "damaged.laz"] {
+        let files = [scratch.file(name, &shape, &points)];
+        for method in ["cluster.method=euclidean", "cluster.method=density-peaks"] {
+            let out = scratch.out(&format!("{name} {method}"));
+            let error = drive(&files, &out, &list(0.0, &[method])).unwrap_err();
+            let Some(SurveyError::Position { record, xyz, .. }) = error.cause() else { panic!("{error}") };
+            assert_eq!((*record, xyz[1]), (69_000, -1_000_000_000), "{name}");
+            assert!(error.to_string().contains(name) && error.hint().is_some(), "{error}");
+        }
+    }
+}
+
 #[test]
 fn heights_beyond_any_landscape_are_refused_with_both_ends() {
     let scratch = Scratch::new();

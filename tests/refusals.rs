@@ -532,7 +532,8 @@ fn a_scan_that_is_given_twice_is_named() {
     let folder = Folder::new();
     let warned = |paths: &[PathBuf]| -> Vec<String> {
         let catalog = open(paths).expect("opens");
-        let is_meant = |text: &&String| text.contains("the points of another") || text.contains("the same points");
+        let is_meant =
+            |text: &&String| text.contains("the points of another") || text.contains("the same points");
         catalog.warnings().iter().filter(is_meant).cloned().collect()
     };
     let whole = sample(LAS);

@@ -61,6 +61,9 @@ pub(super) fn note_boxes(files: &[InputFile], warnings: &mut Vec<String>) {
     }
     let others = impossible.count();
     if others > 0 {
-        warnings.push(format!("the headers of {} are wrong in the same way", counted(others as u64, "more file")));
+        warnings.push(format!(
+            "the headers of {} are wrong in the same way",
+            counted(others as u64, "more file")
+        ));
     }
 }

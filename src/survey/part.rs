@@ -72,6 +72,10 @@ impl TimeBin {
     }
 }
 
+/// Largest coordinate in metres. Eastings of Gauss-Krueger zones begin with the number of the zone, which is
+/// at most 120, in millions of metres. Beyond 2^31 cells of a method, a tile would fail.
+const EARTH_M: f64 = 2e8;
+
 /// A record with an absurd position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutOfRange {
@@ -104,13 +108,14 @@ impl SurveyPart {
     /// Surveys `blocks` of one file.
     ///
     /// # Errors
-    /// The index of the block, and the record whose position is outside all occupancy cells.
+    /// The index of the block, and the record whose position is absurd.
     pub fn survey<'a>(
         blocks: impl Iterator<Item = RecordView<'a>>,
         transform: &LatticeTransform,
         grid: CellGrid,
+        lattice: Lattice,
     ) -> Result<Self, (usize, OutOfRange)> {
-        let mut collector = Collector::new(grid);
+        let mut collector = Collector::new(grid, lattice);
         for (index, view) in blocks.enumerate() {
             collector.block(&view, transform).map_err(|error| (index, error))?;
         }
@@ -134,6 +139,8 @@ impl SurveyPart {
 #[derive(Debug)]
 pub struct Collector {
     grid: CellGrid,
+    /// Largest coordinate in lattice units.
+    limit: i64,
     counter: CellCounter,
     part: SurveyPart,
     coarse: FxHashSet<Cell>,
@@ -146,9 +153,10 @@ pub struct Collector {
 impl Collector {
     /// A collector that counts in the cells of `grid`.
     #[must_use]
-    pub fn new(grid: CellGrid) -> Self {
+    pub fn new(grid: CellGrid, lattice: Lattice) -> Self {
         Self {
             grid,
+            limit: lattice.units(EARTH_M),
             counter: CellCounter::default(),
             part: SurveyPart::default(),
             coarse: FxHashSet::default(),
@@ -161,7 +169,7 @@ impl Collector {
     /// Adds one block.
     ///
     /// # Errors
-    /// The record whose position is outside all occupancy cells.
+    /// The record whose position is outside all occupancy cells, or nowhere on earth.
     pub fn block(&mut self, view: &RecordView<'_>, transform: &LatticeTransform) -> Result<(), OutOfRange> {
         let mut lo = [i64::MAX; 3];
         let mut hi = [i64::MIN; 3];
@@ -194,12 +202,24 @@ impl Collector {
             }
             count += 1;
         }
+        if count > 0 && (0..3).any(|axis| !self.is_on_earth(lo[axis]) || !self.is_on_earth(hi[axis])) {
+            let mut records = view.xyz().enumerate();
+            let absurd =
+                records.find(|(_, xyz)| !transform.apply(*xyz).iter().all(|value| self.is_on_earth(*value)));
+            if let Some((record, xyz)) = absurd {
+                return Err(OutOfRange { record, xyz });
+            }
+        }
         self.zone(count, lo, hi, (first <= last).then_some((first, last)));
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
         hasher.update(&self.part.content.to_le_bytes());
         hasher.update(view.bytes);
         self.part.content = hasher.digest();
         Ok(())
+    }
+
+    fn is_on_earth(&self, value: i64) -> bool {
+        value.abs() <= self.limit
     }
 
     /// Adds a point to its time bin. Returns its time if it is finite.
@@ -361,15 +381,23 @@ mod tests {
         let bytes = records(points);
         let axis = AxisTransform::new(0.001, 0.0, 1.0, Lattice::MILLIMETRE);
         let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12) };
-        SurveyPart::survey([view].into_iter(), &LatticeTransform { axes: [axis; 3] }, CellGrid::new(1_000))
-            .unwrap()
+        SurveyPart::survey(
+            [view].into_iter(),
+            &LatticeTransform { axes: [axis; 3] },
+            CellGrid::new(1_000),
+            Lattice::MILLIMETRE,
+        )
+        .unwrap()
     }
 
     #[test]
     fn counts_cells_times_and_extent() {
         let part = survey(&[([-1, 0, 5], 10.1), ([0, 999, 7], 10.4), ([1_000, 0, -3], f64::NAN)]);
         assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 1), ([1, 0], 1)]);
-        assert_eq!(part.time_bins[&20], TimeBin { count: 2, sum_x: -1, sum_y: 999, lo: [-1, 0], hi: [0, 999] });
+        assert_eq!(
+            part.time_bins[&20],
+            TimeBin { count: 2, sum_x: -1, sum_y: 999, lo: [-1, 0], hi: [0, 999] }
+        );
         assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
         assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
         assert_eq!(part.zones[0].coarse, [[-1, 0], [0, 0]]);

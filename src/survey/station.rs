@@ -178,7 +178,8 @@ mod tests {
     #[test]
     fn a_stretch_goes_straight_on_into_a_gap_in_the_recording() {
         let first = straight(0.0, 200.0, 0.0);
-        let second: Vec<[f64; 2]> = straight(80.0, 300.0, 0.0).iter().map(|[along, _]| [280.0, *along]).collect();
+        let second: Vec<[f64; 2]> =
+            straight(80.0, 300.0, 0.0).iter().map(|[along, _]| [280.0, *along]).collect();
         let axis = Axis::from_runs(AxisSource::Trajectory, vec![first, second]).unwrap();
         assert_eq!(axis.stretches().count(), 2);
         // Chainage counts the straight line over the gap, of which each side has one half.
@@ -199,7 +200,10 @@ mod tests {
         // Where both extensions have ended, the nearer one counts, and neither passes the middle.
         for place in [[270.0, 3.0], [290.0, -40.0], [278.0, 10.0]] {
             let (chainage, offset) = axis.locate(place);
-            assert!((200.0..=second_m).contains(&chainage) && offset.abs() < 60.0, "{place:?}: {chainage} {offset}");
+            assert!(
+                (200.0..=second_m).contains(&chainage) && offset.abs() < 60.0,
+                "{place:?}: {chainage} {offset}"
+            );
         }
         let spans: Vec<(f64, f64)> = (0..axis.vertices().len()).map(|vertex| axis.span_m(vertex)).collect();
         assert!(spans.windows(2).all(|pair| pair[0].1 <= pair[1].0 + 1e-9), "a chainage occurs twice");
@@ -235,17 +239,23 @@ mod tests {
             let second: Vec<[f64; 2]> = (0..=60)
                 .map(|k| [360.0 + f64::from(k) * turn.cos(), 40.0 + f64::from(k) * turn.sin()])
                 .collect();
-            let axis = Axis::from_runs(AxisSource::Trajectory, vec![straight(0.0, 200.0, 0.0), second]).unwrap();
-            let spans: Vec<(f64, f64)> = (0..axis.vertices().len()).map(|vertex| axis.span_m(vertex)).collect();
+            let axis =
+                Axis::from_runs(AxisSource::Trajectory, vec![straight(0.0, 200.0, 0.0), second]).unwrap();
+            let spans: Vec<(f64, f64)> =
+                (0..axis.vertices().len()).map(|vertex| axis.span_m(vertex)).collect();
             assert!(spans.windows(2).all(|pair| pair[0].1 <= pair[1].0 + 1e-9), "{angle}");
-            for place in (0..40).flat_map(|i| (-10..20).map(move |j| [f64::from(i) * 10.0, f64::from(j) * 10.0])) {
+            for place in
+                (0..40).flat_map(|i| (-10..20).map(move |j| [f64::from(i) * 10.0, f64::from(j) * 10.0]))
+            {
                 let (chainage, offset) = axis.locate(place);
                 let (from, to) = axis.span_m(axis.nearest(place));
                 let at_end = [0, axis.vertices().len() - 1].contains(&axis.nearest(place));
                 // The foot may be on the other side of the gap, or a step before or behind the vertex.
                 let other = (from - 170.0..=to + 170.0).contains(&chainage);
                 assert!(at_end || other, "{angle} {place:?}: {chainage} {from} {to}");
-                assert!(at_end || offset.abs() <= distance(place, axis.vertices()[axis.nearest(place)]) + 1e-9);
+                assert!(
+                    at_end || offset.abs() <= distance(place, axis.vertices()[axis.nearest(place)]) + 1e-9
+                );
             }
         }
     }

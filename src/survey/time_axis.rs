@@ -174,11 +174,17 @@ mod tests {
         for at in [1_030, 0] {
             let mut bins: BTreeMap<i64, TimeBin> = drive().collect();
             let bin = bins.entry(at).or_default();
-            *bin = TimeBin { count: bin.count + 1, lo: [0; 2], hi: [bin.hi[0].max(0), bin.hi[1].max(0)], ..*bin };
+            *bin = TimeBin {
+                count: bin.count + 1,
+                lo: [0; 2],
+                hi: [bin.hi[0].max(0), bin.hi[1].max(0)],
+                ..*bin
+            };
             let axis = Axis::from_time_bins(&bins, Lattice::MILLIMETRE).unwrap();
             assert_eq!(axis.stretches().count(), 1, "{at}");
             assert!((axis.length_m() - plain.length_m()).abs() < 1e-6, "{at}: {}", axis.length_m());
-            let beside = axis.vertices().iter().map(|vertex| (vertex[1] - 5_400_000.0).abs()).fold(0.0, f64::max);
+            let beside =
+                axis.vertices().iter().map(|vertex| (vertex[1] - 5_400_000.0).abs()).fold(0.0, f64::max);
             assert!(beside < 1e-6, "{at}: {beside} m");
         }
         // Another street, however far away, is one if it has as many points.

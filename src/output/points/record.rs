@@ -98,7 +98,9 @@ impl RecordPlan {
             output_len += usize::from(kind.bytes());
             at
         };
-        let label = label.unwrap_or_else(|| append(&options.dimension, ExtraType::U32, descriptor::of_label(options.surfaces)));
+        let label = label.unwrap_or_else(|| {
+            append(&options.dimension, ExtraType::U32, descriptor::of_label(options.surfaces))
+        });
         let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, "class before chainage"));
         let text = "class of the object, 0: none";
         let object_class = known.or_else(|| classify.then(|| append(OBJECT_CLASS, ExtraType::U8, text)));

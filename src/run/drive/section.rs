@@ -182,7 +182,8 @@ mod tests {
         let axis = Axis::from_runs(AxisSource::Trajectory, vec![first, second]).unwrap();
         let inside = |from: f64, to: f64, cell: Cell| {
             let config = TilingConfig { cell: 1.0, tile_length: 0.0, from, to, beyond: 1.0 };
-            let section = Section::chosen(&config, &axis, &all, grid, Lattice::MILLIMETRE, 0).unwrap().unwrap();
+            let section =
+                Section::chosen(&config, &axis, &all, grid, Lattice::MILLIMETRE, 0).unwrap().unwrap();
             section.inside[axis.nearest(cell.map(|index| f64::from(index) + 0.5))]
         };
         // An object here has the chainage 250 m, and belongs to each section with this chainage.

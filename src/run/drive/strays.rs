@@ -51,7 +51,10 @@ impl Usual {
             return None;
         }
         let mut near = CellMap::default();
-        cells.iter().filter(|(cell, _)| self.has(*cell)).for_each(|(cell, points)| *near.entry(cell) = points);
+        cells
+            .iter()
+            .filter(|(cell, _)| self.has(*cell))
+            .for_each(|(cell, points)| *near.entry(cell) = points);
         Some(PackedCells::from(near))
     }
 

@@ -58,7 +58,7 @@ impl<'a> SurveyPass<'a> {
         let run = &self.runs[unit];
         let file = self.drive.file(run.file);
         file.check_unchanged()?;
-        let mut collector = Collector::new(self.drive.grid);
+        let mut collector = Collector::new(self.drive.grid, self.drive.lattice());
         let mut buffer = Vec::new();
         let mut positions = Vec::new();
         for block in run.blocks.clone() {
