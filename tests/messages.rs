@@ -346,7 +346,7 @@ fn a_labelled_copy_with_the_name_of_another_output_is_refused() {
     for (input, more, output) in cases {
         std::fs::copy(shipped("tests/data").join(SAMPLE), folder.path().join(input)).expect("copied");
         for dry in [&[][..], &["--dry-run"]] {
-            let text = refused(folder.path(), &[&["run", input, "-o", "out"], more, dry].concat(), 5);
+            let text = refused(folder.path(), &[&["run", input, "-o", "out"], more, dry].concat(), 4);
             let told = format!(
                 "the labelled copy of {input} would have the name of another output of the run, {output}"
             );

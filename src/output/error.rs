@@ -170,6 +170,8 @@ impl Failure for OutputError {
             Self::ClassCode { .. } | Self::DimensionName { .. } | Self::DimensionType { .. } => {
                 ErrorKind::Config
             }
+            // The fix is another name of an input file, and nothing was written.
+            Self::NameClash { .. } | Self::NameOfOutput { .. } => ErrorKind::Input,
             _ => ErrorKind::Output,
         }
     }
