@@ -452,6 +452,22 @@ fn a_dimension_that_is_not_needed_may_have_any_type() {
     assert!(hint.contains("does not classify") && !hint.contains("output.dimension"), "{hint}");
 }
 
+/// A dimension of another program with the name of ours has other values, so that the class would be lost.
+#[test]
+fn a_dimension_that_another_program_called_original_classification_does_not_keep_the_class() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("in.las");
+    std::fs::write(&path, with_extra_bytes(1, &[("original_classification", 1, 0)])).expect("written");
+    let catalog = open(&path).expect("opens");
+    let input = &catalog.files()[0];
+    let with =
+        |keep_original| LabelledFile::plan(input, &LabelOptions { keep_original, ..LabelOptions::default() });
+    with(false).expect("the dimension stays as it is");
+    let error = with(true).expect_err("refused");
+    assert!(matches!(error, OutputError::DimensionOfOthers { .. }), "{error}");
+    assert!(Failure::hint(&error).expect("a hint").contains("--keep-original"), "{error}");
+}
+
 /// Two counts that disagree: the copy states its own number of points, and for point formats 6 to 10 nothing
 /// in the legacy fields (LAS 1.4 R15, table 3).
 #[test]

@@ -74,6 +74,8 @@ impl FieldPlace {
 pub struct ExtraDimension {
     /// Name without padding.
     pub name: String,
+    /// Description without padding.
+    pub description: String,
     /// Data type of the LAS specification: 0 undocumented bytes, 1 u8, 2 i8, 3 u16, 4 i16, 5 u32, 6 i32, 7
     /// u64, 8 i64, 9 f32, 10 f64; 11 to 30 are the deprecated pairs and triples of these.
     pub data_type: u8,
@@ -226,6 +228,7 @@ fn parse_descriptor(bytes: &[u8], offset: usize) -> ExtraDimension {
     let option = |bit: u8, at: usize| (data_type != 0 && options & bit != 0).then(|| real(at));
     ExtraDimension {
         name: vlr::text(&bytes[4..36]),
+        description: vlr::text(&bytes[160..192]),
         data_type,
         offset,
         size,

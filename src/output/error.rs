@@ -67,6 +67,20 @@ pub enum OutputError {
         /// The data type that is needed.
         expected: u8,
     },
+    /// The input has a dimension with the name of the dimension for the class before, but chainage did not
+    /// write it.
+    #[error(
+        "{path} has a dimension {name} of another program, described as {description:?}: the class cannot be kept in it",
+        path = path.display()
+    )]
+    DimensionOfOthers {
+        /// The input file.
+        path: PathBuf,
+        /// Name of the dimension.
+        name: &'static str,
+        /// Its description.
+        description: String,
+    },
     /// A LAS class that the point format of a file cannot store.
     #[error(
         "{path} has point format {point_format} and LAS classes up to {limit}: {class} cannot be {code}",
@@ -167,9 +181,10 @@ impl Failure for OutputError {
     fn kind(&self) -> ErrorKind {
         match self {
             // The fix is a changed setting, and nothing was written.
-            Self::ClassCode { .. } | Self::DimensionName { .. } | Self::DimensionType { .. } => {
-                ErrorKind::Config
-            }
+            Self::ClassCode { .. }
+            | Self::DimensionName { .. }
+            | Self::DimensionType { .. }
+            | Self::DimensionOfOthers { .. } => ErrorKind::Config,
             // The fix is another name of an input file, and nothing was written.
             Self::NameClash { .. } | Self::NameOfOutput { .. } => ErrorKind::Input,
             _ => ErrorKind::Output,
@@ -185,6 +200,9 @@ impl Failure for OutputError {
             Self::NotEmpty { .. } => Some("choose another folder, or empty this one first".into()),
             // Only the dimension of the objects can have another name.
             Self::DimensionType { name, .. } if name == ORIGINAL_CLASS => {
+                Some("leave out --keep-original, or rename the dimension in the file first".into())
+            }
+            Self::DimensionOfOthers { .. } => {
                 Some("leave out --keep-original, or rename the dimension in the file first".into())
             }
             Self::DimensionType { name, .. } if name == OBJECT_CLASS => Some(

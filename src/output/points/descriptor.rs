@@ -11,6 +11,8 @@ const UNDOCUMENTED: u8 = 0;
 const SCALE_AND_OFFSET: u8 = 1 << 3 | 1 << 4;
 /// Name of the dimension that keeps the class of the input.
 pub(crate) const ORIGINAL_CLASS: &str = "original_classification";
+/// Its description. It tells our dimension from that of another program.
+pub(crate) const ORIGINAL_CLASS_TEXT: &str = "class before chainage";
 /// Name of the dimension with the class of the object.
 pub(crate) const OBJECT_CLASS: &str = "object_class";
 

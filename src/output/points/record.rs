@@ -1,7 +1,7 @@
 //! One record of a labelled copy: the original bytes, the label, the class. This module knows nothing about
 //! files.
 
-use super::descriptor::{self, DESCRIPTOR, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS};
+use super::descriptor::{self, DESCRIPTOR, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS, ORIGINAL_CLASS_TEXT};
 use super::options::LabelOptions;
 use crate::config::LasCodes;
 use crate::input::{InputFile, RecordLayout};
@@ -80,7 +80,7 @@ impl RecordPlan {
         }
         let label = existing(input, &options.dimension, ExtraType::U32)?;
         // Whatever the input calls so stays as it is, unless the class is to be kept in it.
-        let keep = options.keep_original && existing(input, ORIGINAL_CLASS, ExtraType::U8)?.is_none();
+        let keep = options.keep_original && !keeps_original(input)?;
         let mut descriptors = Vec::new();
         // The classes of an earlier run are overwritten: a method without classes writes 0.
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
@@ -101,7 +101,7 @@ impl RecordPlan {
         let label = label.unwrap_or_else(|| {
             append(&options.dimension, ExtraType::U32, descriptor::of_label(options.surfaces))
         });
-        let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, "class before chainage"));
+        let original_class = keep.then(|| append(ORIGINAL_CLASS, ExtraType::U8, ORIGINAL_CLASS_TEXT));
         let text = "class of the object, 0: none";
         let object_class = known.or_else(|| classify.then(|| append(OBJECT_CLASS, ExtraType::U8, text)));
         if output_len > MAX_RECORD {
@@ -227,6 +227,23 @@ fn objects(chosen: &LasCodes, extended: bool) -> [Option<u8>; OBJECT_CLASSES] {
         *code = chosen.of(class).or(*code);
     }
     codes
+}
+
+/// Whether an earlier run has kept the class of its input in this one; an error if another program has used
+/// the name.
+fn keeps_original(input: &InputFile) -> Result<bool, OutputError> {
+    if existing(input, ORIGINAL_CLASS, ExtraType::U8)?.is_none() {
+        return Ok(false);
+    }
+    let description = input.layout().dimension(ORIGINAL_CLASS).map(|dimension| dimension.description.clone());
+    match description {
+        Some(description) if description != ORIGINAL_CLASS_TEXT => Err(OutputError::DimensionOfOthers {
+            path: input.path().to_owned(),
+            name: ORIGINAL_CLASS,
+            description,
+        }),
+        _ => Ok(true),
+    }
 }
 
 /// Place of a dimension that an earlier run added; an error if another dimension has its name.
