@@ -468,6 +468,75 @@ fn a_dimension_that_another_program_called_original_classification_does_not_keep
     assert!(Failure::hint(&error).expect("a hint").contains("--keep-original"), "{error}");
 }
 
+/// Moves the description of the extra bytes behind the points of a LAS 1.4 file, as an extended record.
+fn describe_behind(path: &Path) {
+    let mut bytes = std::fs::read(path).expect("read");
+    let mut at = number(&bytes, 94, 2);
+    let mut payload = Vec::new();
+    for _ in 0..number(&bytes, 100, 4) {
+        let length = number(&bytes, at + 20, 2);
+        if bytes[at + 2..].starts_with(b"LASF_Spec\0") && number(&bytes, at + 18, 2) == 4 {
+            payload = bytes[at + 54..at + 54 + length].to_vec();
+            bytes[at + 2..at + 11].copy_from_slice(b"LASF_none");
+        }
+        at += 54 + length;
+    }
+    assert!(!payload.is_empty() && number(&bytes, 243, 4) == 0);
+    let start = bytes.len() as u64;
+    bytes[235..243].copy_from_slice(&start.to_le_bytes());
+    bytes[243] = 1;
+    let mut head = [0; 60];
+    head[2..11].copy_from_slice(b"LASF_Spec");
+    head[18] = 4;
+    head[20..28].copy_from_slice(&(payload.len() as u64).to_le_bytes());
+    bytes.extend(head);
+    bytes.extend(payload);
+    std::fs::write(path, bytes).expect("written");
+}
+
+/// LAS 1.4 allows descriptions after the points, but many readers look for them only before the points.
+#[test]
+fn descriptions_after_the_points_are_read_and_come_before_them_in_copies() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
+    let catalog = open(&path).expect("opens");
+    let sample = &catalog.files()[0];
+    for format in [OutputFormat::Las, OutputFormat::Laz] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let vendor = LabelOptions { dimension: "vendor".into(), ..options(format) };
+        let plan = LabelledFile::plan(sample, &vendor).expect("a plan");
+        let first = Truth::random(sample.point_count(), 5);
+        let input = write(&plan, sample, &records(sample), &first, folder.path());
+        describe_behind(&input);
+        let catalog = open(&input).expect("opens");
+        assert!(catalog.warnings().is_empty(), "{:?}", catalog.warnings());
+        let input = &catalog.files()[0];
+        // With a new dimension, and with those that are there.
+        for (dimension, more) in [("cluster_id", 4), ("vendor", 0)] {
+            let wanted = LabelOptions { dimension: dimension.into(), ..options(format) };
+            let plan = LabelledFile::plan(input, &wanted).expect("a plan");
+            assert_eq!(plan.record_len(), input.layout().record_len + more);
+            let truth = Truth::random(sample.point_count(), 6);
+            let folder = folder.path().join(dimension);
+            std::fs::create_dir(&folder).expect("a folder");
+            let copy = write(&plan, input, &records(input), &truth, &folder);
+            let bytes = std::fs::read(&copy).expect("read");
+            assert_eq!([number(&bytes, 235, 8), number(&bytes, 243, 4)], [0, 0], "{dimension}");
+            let again = open(&copy).expect("the copy opens");
+            assert!(again.warnings().is_empty(), "{:?}", again.warnings());
+            let layout = again.files()[0].layout();
+            let names: Vec<&str> = layout.dimensions.iter().map(|found| &*found.name).collect();
+            assert_eq!(names[..2], ["vendor", "original_classification"]);
+            assert_eq!(names.get(2).copied(), (more > 0).then_some("cluster_id"));
+            let at = |name: &str| layout.dimension(name).expect("described").offset;
+            for (index, record) in records(&again.files()[0]).chunks_exact(layout.record_len).enumerate() {
+                let vendor = if more > 0 { &first } else { &truth };
+                assert_eq!(record[at("vendor")..][..4], vendor.labels[index].to_le_bytes());
+                assert_eq!(record[at(dimension)..][..4], truth.labels[index].to_le_bytes());
+            }
+        }
+    }
+}
+
 /// Two counts that disagree: the copy states its own number of points, and for point formats 6 to 10 nothing
 /// in the legacy fields (LAS 1.4 R15, table 3).
 #[test]

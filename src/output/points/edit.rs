@@ -70,10 +70,16 @@ pub(super) fn edit(
     laz: Option<&LazVlr>,
 ) -> Result<Edited, OutputError> {
     let header = input.header();
+    let described = &input.layout().descriptors;
+    // Many readers look for descriptors only before the points. So those after the points move there.
+    let is_after = header.evlrs.records.iter().any(|record| record.is(SPEC_USER, EXTRA_BYTES));
+    let fits = described.len() + descriptors.len() * DESCRIPTOR <= usize::from(u16::MAX);
+    let moved = is_after && fits && !described.is_empty();
+    let unchanged = descriptors.is_empty() && !moved;
     let mut editor = Editor {
         input,
-        descriptors: (!descriptors.is_empty()).then(|| descriptors.concat()),
-        unchanged: descriptors.is_empty(),
+        descriptors: (!unchanged).then(|| descriptors.concat()),
+        unchanged,
         laz: laz.map(laz_vlr_data).transpose()?,
     };
     let mut prologue = editor.read(0..header.header_size)?;
@@ -87,9 +93,10 @@ pub(super) fn edit(
         prologue.extend(bytes);
         count += 1;
     }
-    if header.records().all(|record| !record.is(SPEC_USER, EXTRA_BYTES))
-        && let Some(payload) = editor.descriptors.take()
+    if (moved || !is_after)
+        && let Some(new) = editor.descriptors.take()
     {
+        let payload = [&described[..], &new].concat();
         prologue.extend(descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &payload));
         count += 1;
     }
