@@ -147,6 +147,7 @@ fn cases() -> impl Strategy<Value = Case> {
                 format,
                 scale_tenths,
                 offset_mm: street.base_mm.map(|base| base + shift * 10),
+                withheld: None,
                 records: Vec::new(),
             };
             let shapes = shapes.into_iter().map(shape).collect();
@@ -339,6 +340,117 @@ fn every_method_gives_the_same_bytes_in_any_tiles_files_and_formats() {
             assert_eq!(Labelled::read(&files, &one.join("out")), expected, "{name}, {course:?}: one file");
         }
     }
+}
+
+/// Mark of withheld points.
+const WITHHELD: u16 = u16::MAX;
+
+/// A street with withheld points among its points, in the order of the file: a column on the ground, points
+/// below the ground and beside objects, and some far from all others in space and time.
+fn with_withheld(points: &[Point]) -> Vec<Point> {
+    let at = |mm: [i64; 3], time: f64| Point { mm, time, mark: WITHHELD };
+    let mut all = Vec::new();
+    for (n, point) in (0_i64..).zip(points) {
+        all.push(*point);
+        let [x, y, z] = point.mm;
+        match n % 5 {
+            0 => all.push(at([30_000, 2_000, 10 * n], point.time)),
+            1 => all.push(at([x + 100, y, z - 2_500], point.time + 100.0)),
+            2 => all.push(at([x, y + 150, z + 50], point.time)),
+            _ => {}
+        }
+        if n % 400 == 7 {
+            all.push(at([x + 900_000, y - 700_000, z + 90_000], point.time + 500.0));
+        }
+    }
+    all
+}
+
+/// The outputs of a run that must not show withheld points: all but copies, report and page.
+fn tables(out: &Path) -> Vec<(String, Vec<u8>)> {
+    let is_table = |name: &str| !name.starts_with("part-") && name != "report.html";
+    outputs(out).into_iter().filter(|(name, _)| is_table(name)).collect()
+}
+
+/// The records of the copies of `files` in `out` that are withheld, with their classes and objects.
+fn withheld_records(files: &[PathBuf], out: &Path) -> Vec<(u8, u32)> {
+    let labelled = Labelled::read(files, out);
+    let rows = labelled.mark.iter().zip(labelled.class.iter().zip(&labelled.label));
+    rows.filter(|(mark, _)| **mark == WITHHELD).map(|(_, (class, label))| (*class, *label)).collect()
+}
+
+/// Compares runs with withheld points, in three tilings, with the run without them.
+fn assert_withheld_do_not_show(name: &str, more: &[String]) {
+    for (course, chunk, format, shuffles) in [
+        (Course::Straight, None, 1, true),
+        (Course::Hairpin, Some(300), 6, false),
+        (Course::Loop, Some(70), 1, true),
+    ] {
+        let mut all = with_withheld(&Street::middling(17, course).points());
+        if shuffles {
+            all = permutation(all.len(), 5).into_iter().map(|index| all[index]).collect();
+        }
+        let used: Vec<Point> = all.iter().filter(|point| point.mark != WITHHELD).copied().collect();
+        let shape = [Shape { format, withheld: Some(WITHHELD), ..Shape::default() }];
+        let folder = scratch();
+        let [here, there] = ["here", "there"].map(|name| folder.path().join(name));
+        for folder in [&here, &there] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        let without = write_files(&here, &used, &shape, chunk);
+        let with = write_files(&there, &all, &shape, chunk);
+        let what = format!("{name}, {course:?}");
+        let expected = here.join("out");
+        let summary = drive(&without, &expected, &small(WHOLE_M, 1, more)).unwrap();
+        assert!(summary.objects > 0, "{what}");
+        let labels = Labelled::read(&without, &expected);
+        let withheld = all.len() - used.len();
+        let whole = there.join("out");
+        for (tile_m, threads) in [(WHOLE_M, 1), (5.5, 2), (2.0, 4)] {
+            let out = if threads == 1 { whole.clone() } else { there.join(format!("{tile_m}")) };
+            let summary = drive(&with, &out, &small(tile_m, threads, more)).unwrap();
+            assert_eq!(summary.counts.withheld, withheld as u64, "{what}");
+            let told = format!("{} points are withheld", chainage::words::separated(withheld as u64));
+            assert!(summary.warnings.iter().any(|text| text.starts_with(&told)), "{:?}", summary.warnings);
+            assert_same_outputs(&whole, &out, &what);
+            for (one, other) in tables(&expected).iter().zip(&tables(&out)) {
+                assert!(one == other, "{what}, tiles of {tile_m} m: {} differs", one.0);
+            }
+            let found = Labelled::read(&with, &out);
+            let kept = (0..found.mark.len()).filter(|&index| found.mark[index] != WITHHELD);
+            assert_eq!(found.pick(&kept.collect::<Vec<_>>()), labels, "{what}, tiles of {tile_m} m");
+            assert_eq!(withheld_records(&with, &out), vec![(1, 0); withheld], "{what}");
+        }
+    }
+}
+
+#[test]
+fn withheld_points_are_as_if_they_were_not_there() {
+    assert_withheld_do_not_show("euclidean", &[]);
+    let with_fields = [
+        "cluster.method=dbscan",
+        "dbscan.fields=[\"x\", \"y\", \"intensity\"]",
+        "dbscan.min_points=3",
+        "dbscan.epsilon=0.03",
+    ];
+    assert_withheld_do_not_show("dbscan with intensity", &settings(&with_fields));
+    assert_withheld_do_not_show("no ground", &settings(&["ground.method=none"]));
+}
+
+#[test]
+#[ignore = "long; scripts/check.sh runs it"]
+fn withheld_points_are_as_if_they_were_not_there_for_any_method() {
+    methods().iter().for_each(|(name, more)| assert_withheld_do_not_show(name, more));
+}
+
+#[test]
+fn a_drive_of_withheld_points_alone_is_refused() {
+    let folder = scratch();
+    let points: Vec<Point> = (0..90).map(|n| Point { mark: WITHHELD, ..Point::at([n, n, 0]) }).collect();
+    let shape = [Shape { withheld: Some(WITHHELD), ..Shape::default() }];
+    let files = write_files(folder.path(), &points, &shape, None);
+    let error = drive(&files, &folder.path().join("out"), &small(5.0, 1, &[])).unwrap_err();
+    assert!(error.to_string().starts_with("all 90 points are withheld"), "{error}");
 }
 
 #[test]

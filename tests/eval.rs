@@ -175,6 +175,9 @@ struct Labelled {
     predicted_class: u8,
 }
 
+/// Class of points that are withheld.
+const WITHHELD: u8 = 30;
+
 /// A street of 40 objects in a row, some with two segments and some without one, on ground.
 fn street(points: usize) -> Vec<Labelled> {
     let mut random = Numbers::new(11);
@@ -236,8 +239,10 @@ fn write(path: &Path, scale: f64, dims: &[(&str, u8)], points: &[Labelled], extr
         let classification = las::point::Classification::new(point.predicted_class).unwrap();
         let extra_bytes = extra(point);
         let gps_time = Some(point.time);
+        let is_withheld = point.predicted_class == WITHHELD;
+        let standard = las::Point { is_withheld, ..las::Point::default() };
         writer
-            .write_point(las::Point { x, y, z, gps_time, classification, extra_bytes, ..Default::default() })
+            .write_point(las::Point { x, y, z, gps_time, classification, extra_bytes, ..standard })
             .unwrap();
     }
     writer.close().unwrap();
@@ -317,6 +322,41 @@ fn every_order_and_every_split_of_the_files_gives_the_same_table() {
     assert_eq!(compare_with(&[at("shuffled.laz")], &reference, &no_time).unwrap().0, "coordinates");
     let figures = evaluate(&table).overall;
     assert_eq!((figures.objects, figures.under, figures.over, figures.without_segment), (40, 2, 1, 1));
+}
+
+#[test]
+fn withheld_points_do_not_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut points = street(20_000);
+    points[..20_000].iter_mut().step_by(7).for_each(|point| point.predicted_class = WITHHELD);
+    let used: Vec<Labelled> =
+        points.iter().copied().filter(|point| point.predicted_class != WITHHELD).collect();
+    write_reference(&at("used_reference.laz"), &used);
+    write_prediction(&at("used.las"), &used);
+    let (_, expected) = compare(&[at("used.las")], &[at("used_reference.laz")]).unwrap();
+    assert_eq!(expected.points(), used.len() as u64);
+    write_reference(&at("reference.laz"), &points);
+    write_prediction(&at("whole.las"), &points);
+    write_prediction(&at("shuffled.laz"), &shuffled(&points));
+    for (file, order) in [("whole.las", "record order"), ("shuffled.laz", "coordinates and time")] {
+        let (how, found) = compare(&[at(file)], &[at("reference.laz")]).unwrap();
+        assert_eq!((how.as_str(), &found.cells, &found.objects), (order, &expected.cells, &expected.objects));
+        assert_eq!(found.segments, expected.segments, "{file}");
+    }
+    // The flag of one side is enough.
+    let plain: Vec<Labelled> = points.iter().map(|point| Labelled { predicted_class: 1, ..*point }).collect();
+    write_reference(&at("plain.las"), &plain);
+    for file in ["whole.las", "shuffled.laz"] {
+        assert_eq!(compare(&[at(file)], &[at("plain.las")]).unwrap().1.cells, expected.cells, "{file}");
+    }
+    let both = at("both.laz");
+    write(&both, 0.001, &[("cluster_id", 5), ("gt_instance", 6), ("gt_class", 1)], &points, |point| {
+        [&point.segment.to_le_bytes()[..], &point.object.to_le_bytes(), &[point.class]].concat()
+    });
+    let catalog = Catalog::open(&[both], &InputOptions::default()).unwrap();
+    let counted = eval::count(&catalog, None, &CompareSettings::default(), &|_| ()).unwrap();
+    assert_eq!(counted.table.cells, expected.cells);
 }
 
 #[test]

@@ -198,7 +198,9 @@ impl Coding {
         decoder.set_fields_from(&self.items).map_err(damaged)?;
         decoder.set_selection(match fields {
             Fields::All => DecompressionSelection::all(),
-            Fields::Geometry => DecompressionSelection::base().decompress_z().decompress_gps_time(),
+            Fields::Geometry => {
+                DecompressionSelection::base().decompress_z().decompress_flags().decompress_gps_time()
+            }
         });
         Ok(decoder)
     }

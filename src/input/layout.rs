@@ -4,7 +4,7 @@
 use super::header::{self, Header};
 use super::mapped::ByteSource;
 use super::vlr;
-use crate::model::Field;
+use crate::model::{Field, FlagPlace, RecordView};
 
 /// Bytes of one extra-bytes descriptor (LAS 1.4 R15, table 24).
 pub(crate) const DESCRIPTOR: usize = 192;
@@ -15,6 +15,11 @@ pub(crate) const EXTRA_BYTES: u16 = 4;
 
 /// Size limit of the extra-bytes record: a descriptor for every byte of the longest record.
 const MAX_DESCRIPTORS: u64 = (u16::MAX as u64) * (DESCRIPTOR as u64);
+
+/// Bit of the flag of withheld points: in the byte with the class of formats 0 to 5 (LAS 1.4 R15, table 8),
+/// and in the byte with the flags of formats 6 to 10 (table 16).
+const WITHHELD: u8 = 1 << 7;
+const WITHHELD_EXTENDED: u8 = 1 << 2;
 
 /// The positions of the fields, in bytes from the start of the record.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +43,8 @@ pub struct RecordLayout {
     pub classification: usize,
     /// Bits of that byte for the class: 5 in formats 0 to 5, all in 6 to 10.
     pub classification_mask: u8,
+    /// Flag of points that are withheld.
+    pub withheld: FlagPlace,
     /// Point source id (u16).
     pub point_source_id: usize,
     /// Dimensions in the extra bytes with a descriptor.
@@ -109,6 +116,7 @@ impl RecordLayout {
             return_bits: if extended { 4 } else { 3 },
             classification: if extended { 16 } else { 15 },
             classification_mask: if extended { 0xff } else { 0x1f },
+            withheld: FlagPlace { offset: 15, mask: if extended { WITHHELD_EXTENDED } else { WITHHELD } },
             point_source_id: if extended { 20 } else { 18 },
             dimensions: Vec::new(),
             descriptors: Vec::new(),
@@ -120,6 +128,13 @@ impl RecordLayout {
             fits = fits && layout.describe(&bytes, warnings);
         }
         layout
+    }
+
+    /// Records of this layout.
+    #[must_use]
+    pub fn view<'a>(&self, bytes: &'a [u8]) -> RecordView<'a> {
+        let withheld = Some(self.withheld);
+        RecordView { bytes, stride: self.record_len, gps_time: self.gps_time, withheld }
     }
 
     /// Where a field that is not a coordinate is, if the records have it.

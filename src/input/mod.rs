@@ -60,7 +60,7 @@ pub use unit::{unit_in_words, unit_symbol};
 pub enum Fields {
     /// Every byte is as written.
     All,
-    /// Only x, y, z and the GPS time are as written. The other bytes are undefined: layered compression
-    /// (point formats 6 to 10) lets a decoder skip them, which is faster.
+    /// Only x, y, z, the flags and the GPS time are as written. The other bytes are undefined: layered
+    /// compression (point formats 6 to 10) lets a decoder skip them, which is faster.
     Geometry,
 }

@@ -13,9 +13,14 @@ pub enum PointClass {
     LowNoise = 2,
     /// Isolated noise, high above the lowest other points (LAS class 18, or 7 where the format has no 18).
     HighNoise = 3,
+    /// Withheld in the input: "should not be included in processing, synonymous with deleted" (LAS 1.4 R15,
+    /// tables 8 and 16).
+    Withheld = 4,
 }
 
 impl PointClass {
+    /// Number of classes.
+    pub const COUNT: usize = 5;
     /// The code of a point whose class was not decided, because it lies outside the section of the drive that
     /// is processed.
     pub const UNDECIDED: u8 = u8::MAX;
@@ -28,6 +33,7 @@ impl PointClass {
             1 => Self::Ground,
             2 => Self::LowNoise,
             3 => Self::HighNoise,
+            4 => Self::Withheld,
             _ => return None,
         })
     }

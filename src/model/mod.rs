@@ -50,4 +50,4 @@ pub use kind::{Hedge, Kind};
 pub use object::ObjectPart;
 pub use plane::Plane;
 pub use reach::Reach;
-pub use records::{RecordView, record_xyz};
+pub use records::{FlagPlace, RecordView, record_xyz};

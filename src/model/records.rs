@@ -9,12 +9,39 @@ pub struct RecordView<'a> {
     pub stride: usize,
     /// Offset of the GPS time in a record, if the format has one.
     pub gps_time: Option<usize>,
+    /// Where a record says that it is withheld. `None` if no record of the block is.
+    pub withheld: Option<FlagPlace>,
+}
+
+/// A bit of a record.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlagPlace {
+    /// Offset of its byte in the record.
+    pub offset: usize,
+    /// The byte with only this bit.
+    pub mask: u8,
+}
+
+impl FlagPlace {
+    /// Whether the bit of a record is set.
+    #[inline]
+    #[must_use]
+    pub fn is_set(self, record: &[u8]) -> bool {
+        record[self.offset] & self.mask != 0
+    }
 }
 
 impl<'a> RecordView<'a> {
     /// The record coordinates of every record.
     pub fn xyz(&self) -> impl Iterator<Item = [i32; 3]> + 'a {
         self.bytes.chunks_exact(self.stride).map(record_xyz)
+    }
+
+    /// Whether a record of the block is withheld.
+    #[inline]
+    #[must_use]
+    pub fn is_withheld(&self, record: &[u8]) -> bool {
+        self.withheld.is_some_and(|flag| flag.is_set(record))
     }
 }
 

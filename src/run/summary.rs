@@ -18,6 +18,14 @@ pub struct Counts {
     pub low_noise: u64,
     /// Isolated noise high above.
     pub high_noise: u64,
+    /// Withheld in the input, so in no other class. Left out of the JSON if there are none.
+    #[serde(skip_serializing_if = "is_none")]
+    pub withheld: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_none(points: &u64) -> bool {
+    *points == 0
 }
 
 /// The section of a drive that was processed.

@@ -13,6 +13,8 @@ const COARSE_BITS: u32 = 3;
 pub struct BlockZone {
     /// Number of records of the block.
     pub count: u32,
+    /// How many of them are withheld.
+    pub withheld: u32,
     /// Smallest cell on each axis.
     pub lo: Cell,
     /// Largest cell on each axis.
@@ -95,8 +97,14 @@ mod tests {
 
     #[test]
     fn blocks_meet_areas_where_points_are_and_not_between() {
-        let listed =
-            BlockZone { count: 2, lo: [0, 0], hi: [100, 0], time: None, coarse: vec![[0, 0], [12, 0]] };
+        let listed = BlockZone {
+            count: 2,
+            withheld: 0,
+            lo: [0, 0],
+            hi: [100, 0],
+            time: None,
+            coarse: vec![[0, 0], [12, 0]],
+        };
         let boxed = BlockZone { coarse: Vec::new(), ..listed.clone() };
         let area = |cell: Cell| Area::of([cell].into_iter());
         assert!(listed.may_meet(&area([0, 0])) && listed.may_meet(&area([100, 0])));

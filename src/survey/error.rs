@@ -62,6 +62,12 @@ pub enum SurveyError {
         /// Largest range of heights in metres.
         limit_m: f64,
     },
+    /// Files whose points are all withheld.
+    #[error("all {} are withheld: the flag of LAS for points that are not to be processed", counted(*points, "point"))]
+    Withheld {
+        /// Number of points.
+        points: u64,
+    },
     /// Files without a single point.
     #[error("there are no points in {}", one_or_counted(file.as_deref(), *files))]
     Empty {
@@ -101,6 +107,9 @@ impl Failure for SurveyError {
                 Some("the trajectory must be of this drive, in the coordinate system and the unit of the points".into())
             }
             Self::Empty { .. } => Some("chainage info FILES... shows how many points each file has".into()),
+            Self::Withheld { .. } => {
+                Some("clear the flag in the files first if these points are to be processed".into())
+            }
             Self::TooShort { .. } => None,
         }
     }

@@ -90,15 +90,18 @@ pub struct OutOfRange {
 pub struct SurveyPart {
     /// One entry per block, in file order.
     pub zones: Vec<BlockZone>,
-    /// Points per occupied cell, in ascending cell.
+    /// Points per occupied cell, in ascending cell. Withheld points count, because tiles own them.
     pub occupancy: Vec<(Cell, u32)>,
-    /// Positions per bin of GPS time. Empty in spite of times if these are in too many bins to be seconds.
+    /// Withheld points per cell that has any, in ascending cell.
+    pub withheld: Vec<(Cell, u32)>,
+    /// Positions per bin of GPS time, without withheld points. Empty in spite of times if these are
+    /// in too many bins to be seconds.
     pub time_bins: BTreeMap<i64, TimeBin>,
-    /// Smallest and largest lattice coordinates.
+    /// Smallest and largest lattice coordinates, of withheld points as well.
     pub extent: Option<([i64; 3], [i64; 3])>,
-    /// Smallest and largest finite GPS time in seconds.
+    /// Smallest and largest finite GPS time in seconds, without withheld points.
     pub time: Option<(f64, f64)>,
-    /// Records whose GPS time is not a finite number.
+    /// Records whose GPS time is not a finite number, without withheld points.
     pub bad_times: u64,
     /// XXH3 of the content of the blocks, folded in file order.
     pub content: u64,
@@ -142,6 +145,7 @@ pub struct Collector {
     /// Largest coordinate in lattice units.
     limit: i64,
     counter: CellCounter,
+    withheld: CellCounter,
     part: SurveyPart,
     coarse: FxHashSet<Cell>,
     bin: i64,
@@ -158,6 +162,7 @@ impl Collector {
             grid,
             limit: lattice.units(EARTH_M),
             counter: CellCounter::default(),
+            withheld: CellCounter::default(),
             part: SurveyPart::default(),
             coarse: FxHashSet::default(),
             bin: i64::MIN,
@@ -176,6 +181,7 @@ impl Collector {
         let mut last_coarse = [i32::MIN; 2];
         self.coarse.clear();
         let mut count = 0_u32;
+        let mut withheld = 0_u32;
         let mut first = f64::INFINITY;
         let mut last = f64::NEG_INFINITY;
         for (record, bytes) in view.bytes.chunks_exact(view.stride).enumerate() {
@@ -194,7 +200,10 @@ impl Collector {
                     self.coarse.insert(coarse);
                 }
             }
-            if let Some(offset) = view.gps_time
+            if view.is_withheld(bytes) {
+                self.withheld.add(cell);
+                withheld += 1;
+            } else if let Some(offset) = view.gps_time
                 && let Some(time) = self.time(&bytes[offset..offset + 8], point)
             {
                 first = first.min(time);
@@ -210,7 +219,7 @@ impl Collector {
                 return Err(OutOfRange { record, xyz });
             }
         }
-        self.zone(count, lo, hi, (first <= last).then_some((first, last)));
+        self.zone([count, withheld], lo, hi, (first <= last).then_some((first, last)));
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
         hasher.update(&self.part.content.to_le_bytes());
         hasher.update(view.bytes);
@@ -249,9 +258,10 @@ impl Collector {
         self.bin_sum = TimeBin::default();
     }
 
-    fn zone(&mut self, count: u32, lo: [i64; 3], hi: [i64; 3], time: Option<(f64, f64)>) {
+    fn zone(&mut self, [count, withheld]: [u32; 2], lo: [i64; 3], hi: [i64; 3], time: Option<(f64, f64)>) {
         if count == 0 {
-            self.part.zones.push(BlockZone { count, lo: [0; 2], hi: [0; 2], time: None, coarse: Vec::new() });
+            let (lo, hi) = ([0; 2], [0; 2]);
+            self.part.zones.push(BlockZone { count, withheld, lo, hi, time: None, coarse: Vec::new() });
             return;
         }
         let corner = |point: [i64; 3]| self.grid.cell(point[0], point[1]).unwrap_or_default();
@@ -260,7 +270,8 @@ impl Collector {
             coarse.extend(self.coarse.drain());
             coarse.sort_unstable();
         }
-        self.part.zones.push(BlockZone { count, lo: corner(lo), hi: corner(hi), time, coarse });
+        let (low, high) = (corner(lo), corner(hi));
+        self.part.zones.push(BlockZone { count, withheld, lo: low, hi: high, time, coarse });
         self.part.extent = merge_extent(self.part.extent, Some((lo, hi)));
         self.part.time = merge_time(self.part.time, time);
     }
@@ -270,6 +281,7 @@ impl Collector {
     pub fn finish(mut self) -> SurveyPart {
         self.flush_bin();
         self.part.occupancy = self.counter.into_map().entries();
+        self.part.withheld = self.withheld.into_map().entries();
         self.part
     }
 }
@@ -309,17 +321,19 @@ fn merge_time(one: Option<(f64, f64)>, two: Option<(f64, f64)>) -> Option<(f64, 
 /// The survey of a whole drive: all parts together.
 #[derive(Debug, Default)]
 pub struct Survey {
-    /// Points per cell. Counts saturate at 2^32 - 1.
+    /// Points per cell, withheld ones included. Counts saturate at 2^32 - 1.
     pub occupancy: CellMap<u32>,
+    /// Withheld points per cell that has any.
+    pub withheld_by_cell: CellMap<u32>,
     /// Zone map: blocks of each file in file order.
     pub zones: Vec<Vec<BlockZone>>,
-    /// Positions by bin of GPS time; none if the times are in too many bins.
+    /// Positions by bin of GPS time, without withheld points; none if the times are in too many bins.
     pub time_bins: BTreeMap<i64, TimeBin>,
-    /// Smallest and largest lattice coordinates.
+    /// Smallest and largest lattice coordinates, of withheld points as well.
     pub extent: Extent,
-    /// Smallest and largest finite GPS time in seconds.
+    /// Smallest and largest finite GPS time in seconds, without withheld points.
     pub time: Option<(f64, f64)>,
-    /// Records whose GPS time is not a finite number.
+    /// Records whose GPS time is not a finite number, without withheld points.
     pub bad_times: u64,
     /// Content hashes of the parts of each file, in file order.
     pub content: Vec<Vec<u64>>,
@@ -334,9 +348,13 @@ impl Survey {
             self.zones.push(Vec::new());
             self.content.push(Vec::new());
         }
-        for (cell, count) in part.occupancy {
-            let total = self.occupancy.entry(cell);
-            *total = total.saturating_add(count);
+        for (counts, total) in
+            [(part.occupancy, &mut self.occupancy), (part.withheld, &mut self.withheld_by_cell)]
+        {
+            for (cell, count) in counts {
+                let total = total.entry(cell);
+                *total = total.saturating_add(count);
+            }
         }
         if self.scattered {
             self.time_bins.clear();
@@ -361,6 +379,12 @@ impl Survey {
     pub fn points(&self) -> u64 {
         self.zones.iter().flatten().map(|zone| u64::from(zone.count)).sum()
     }
+
+    /// Number of withheld points.
+    #[must_use]
+    pub fn withheld(&self) -> u64 {
+        self.zones.iter().flatten().map(|zone| u64::from(zone.withheld)).sum()
+    }
 }
 
 #[cfg(test)]
@@ -380,7 +404,7 @@ mod tests {
     fn survey(points: &[([i32; 3], f64)]) -> SurveyPart {
         let bytes = records(points);
         let axis = AxisTransform::new(0.001, 0.0, 1.0, Lattice::MILLIMETRE);
-        let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12) };
+        let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12), withheld: None };
         SurveyPart::survey(
             [view].into_iter(),
             &LatticeTransform { axes: [axis; 3] },
@@ -401,6 +425,23 @@ mod tests {
         assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
         assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
         assert_eq!(part.zones[0].coarse, [[-1, 0], [0, 0]]);
+    }
+
+    #[test]
+    fn withheld_points_have_a_cell_and_an_extent_but_no_time() {
+        let bytes = records(&[([0, 0, 0], 10.1), ([9, 9, 9], -10.5), ([-1, 0, -5], f64::NAN)]);
+        let axis = AxisTransform::new(0.001, 0.0, 1.0, Lattice::MILLIMETRE);
+        // The sign of the time is the flag. That of not a number is not set.
+        let flag = crate::model::FlagPlace { offset: 19, mask: 0x80 };
+        let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12), withheld: Some(flag) };
+        let transform = LatticeTransform { axes: [axis; 3] };
+        let part = SurveyPart::survey([view].into_iter(), &transform, CellGrid::new(1_000)).unwrap();
+        assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 2)]);
+        assert_eq!(part.withheld, [([0, 0], 1)]);
+        assert_eq!(part.extent, Some(([-1, 0, -5], [9, 9, 9])));
+        assert_eq!((part.time, part.bad_times), (Some((10.1, 10.1)), 1));
+        assert_eq!((part.zones[0].count, part.zones[0].withheld), (3, 1));
+        assert_eq!(part.time_bins.keys().copied().collect::<Vec<_>>(), [20]);
     }
 
     /// As many bins as are kept, in two parts with one bin more or with none.

@@ -13,14 +13,16 @@ pub struct Gathered {
     pub core: Vec<bool>,
     /// Class code of each point, if classes were given.
     pub classes: Vec<u8>,
+    /// The withheld points that the tile owns, ascending. They are not in the cloud.
+    pub withheld: Vec<PointId>,
 }
 
 /// The points that are gathered, by class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wanted {
-    /// Every point. Classes are not needed.
+    /// Every point that is not withheld. Classes are not needed.
     All,
-    /// All points except noise.
+    /// All of these except noise.
     Solid,
     /// Neither ground nor noise.
     Objects,
@@ -79,7 +81,7 @@ impl<'a> Gatherer<'a> {
         Self {
             region,
             wanted,
-            gathered: Gathered { cloud, core, classes: Vec::new() },
+            gathered: Gathered { cloud, core, classes: Vec::new(), withheld: Vec::new() },
             edge: edge as u32,
             width: [0, 1].map(|k| (cells(k) * edge) as u64),
             depth: i32::MAX as u64,
@@ -123,6 +125,12 @@ impl<'a> Gatherer<'a> {
             let cell = [lo[0] + (dx as u32 / self.edge) as i32, lo[1] + (dy as u32 / self.edge) as i32];
             let role = roles.get(cell);
             if role == 0 {
+                continue;
+            }
+            if view.is_withheld(bytes) {
+                if role == Region::CORE {
+                    self.gathered.withheld.push(id(record, bytes));
+                }
                 continue;
             }
             let dz = (z - origin[2]) as u64;

@@ -33,13 +33,15 @@ pub(crate) struct Shape {
     pub(crate) scale_tenths: i64,
     /// Offset in millimetres.
     pub(crate) offset_mm: [i64; 3],
+    /// Mark of the points that are withheld.
+    pub(crate) withheld: Option<u16>,
     /// Variable length records: user, number, payload.
     pub(crate) records: Vec<(&'static str, u16, Vec<u8>)>,
 }
 
 impl Default for Shape {
     fn default() -> Self {
-        Self { format: 6, scale_tenths: TENTHS, offset_mm: [0; 3], records: Vec::new() }
+        Self { format: 6, scale_tenths: TENTHS, offset_mm: [0; 3], withheld: None, records: Vec::new() }
     }
 }
 
@@ -66,11 +68,12 @@ impl Shape {
             bytes.extend(self.record(point.mm[axis], axis).to_le_bytes());
         }
         bytes.extend(point.mark.to_le_bytes());
+        let withheld = self.withheld == Some(point.mark);
         if self.format == 6 {
-            // Return 1 of 1; class 1; user data, angle, source.
-            bytes.extend([0x11, 0, 1, 0, 0, 0, 7, 0]);
+            // Return 1 of 1; flags; class 1; user data, angle, source.
+            bytes.extend([0x11, if withheld { 1 << 2 } else { 0 }, 1, 0, 0, 0, 7, 0]);
         } else {
-            bytes.extend([0x09, 1, 0, 0, 7, 0]);
+            bytes.extend([0x09, if withheld { 1 | 1 << 7 } else { 1 }, 0, 0, 7, 0]);
         }
         if self.format > 0 {
             bytes.extend(point.time.to_le_bytes());

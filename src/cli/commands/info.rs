@@ -51,8 +51,12 @@ fn page(facts: &DriveFacts) -> String {
         .collect();
     let mut text = print::table(&["file", "version", "format", "points", "size", "extra dimensions"], &rows);
     let span = |axis: usize| facts.max_m[axis] - facts.min_m[axis];
+    let withheld = match facts.withheld {
+        0 => String::new(),
+        points => format!(" ({} withheld)", print::count(points)),
+    };
     text.push_str(&format!(
-        "\n  points    {} in {}, {}\n",
+        "\n  points    {}{withheld} in {}, {}\n",
         print::count(facts.points),
         print::counted(facts.files.len() as u64, "file"),
         print::bytes(facts.bytes)

@@ -175,8 +175,12 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     if let Some(section) = summary.section {
         text.push_str(&format!("  {}\n", print::section(&section)));
     }
+    let withheld = match counts.withheld {
+        0 => String::new(),
+        points => format!(", withheld {:.2} %", share(points)),
+    };
     text.push_str(&format!(
-        "  ground {:.1} %, noise {:.2} %, above the ground {:.1} %\n",
+        "  ground {:.1} %, noise {:.2} %, above the ground {:.1} %{withheld}\n",
         share(counts.ground),
         share(counts.low_noise + counts.high_noise),
         share(counts.object)

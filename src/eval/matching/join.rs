@@ -90,7 +90,10 @@ impl Pair<'_> {
             let time = file.layout().gps_time.filter(|_| self.with_time);
             let records = reader.records(file, run)?.chunks_exact(file.layout().record_len);
             for (record, index) in records.zip(run.first.onward()) {
-                let label = fields.label(record).map_err(|label| files.wrong(run, index, label))?;
+                let label = match file.layout().withheld.is_set(record) {
+                    true => Label::WITHHELD,
+                    false => fields.label(record).map_err(|label| files.wrong(run, index, label))?,
+                };
                 let at = file.transform().apply(record_xyz(record)).map(|units| units * multiple);
                 // Places are means on the lattice of the reference. If both sides have the same points, this
                 // division leaves no remainder.
@@ -161,7 +164,7 @@ fn run_length(entries: &[Entry], key: u64) -> usize {
     entries.iter().take_while(|entry| entry.key() == key).count()
 }
 
-/// The table of pairs of labels.
+/// The table of pairs of labels, without points that are withheld on either side.
 fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[(Label, Place)]) -> Table {
     let codes = [Predicted::Other, Predicted::Ground, Predicted::Noise];
     let cell = |[left, right]: [u32; 2]| {
@@ -178,8 +181,11 @@ fn table(pairs: Tally<[u32; 2], u64>, predicted: &[(Label, Place)], referred: &[
             .for_each(|(label, place)| places.add(label.id, *place));
         places.into_sorted()
     };
-    let mut cells: Vec<_> =
-        pairs.into_sorted().into_iter().map(|(pair, points)| (cell(pair), points)).collect();
+    let is_used = |[left, right]: [u32; 2]| {
+        predicted[left as usize].0 != Label::WITHHELD && referred[right as usize].0 != Label::WITHHELD
+    };
+    let pairs = pairs.into_sorted().into_iter().filter(|(pair, _)| is_used(*pair));
+    let mut cells: Vec<_> = pairs.map(|(pair, points)| (cell(pair), points)).collect();
     cells.sort_unstable_by_key(|entry| entry.0);
     Table { cells, objects: places(referred), segments: places(predicted) }
 }

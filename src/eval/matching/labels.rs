@@ -18,6 +18,12 @@ pub(super) struct Label {
     pub(super) named: u16,
 }
 
+impl Label {
+    /// The label of a withheld point. No other label has this class in the prediction, or this class of the
+    /// object in the reference.
+    pub(super) const WITHHELD: Self = Self { id: 0, class: u16::MAX, named: u16::MAX };
+}
+
 /// Numbers of labels, from 0, shared by all threads. Which label gets which number depends on the threads.
 #[derive(Debug, Default)]
 pub(super) struct Numbers(Mutex<FxHashMap<Label, u32>>);

@@ -42,6 +42,9 @@ pub(super) fn count_same_files(
             let predicted = &prediction.fields[run.file];
             let referred = &reference.fields[run.file];
             for (record, index) in records.chunks_exact(file.layout().record_len).zip(run.first.onward()) {
+                if file.layout().withheld.is_set(record) {
+                    continue;
+                }
                 let (segment, predicted, named) =
                     predicted.read(record).map_err(|label| prediction.wrong(run, index, label))?;
                 let (object, class) =
@@ -88,8 +91,12 @@ impl Pair<'_> {
             let predicted = &self.prediction.fields[stretch.runs.0.file];
             let referred = &self.reference.fields[stretch.runs.1.file];
             let same = SamePoint::new(self, stretch.files);
+            let withheld = [stretch.files.0, stretch.files.1].map(|file| file.layout().withheld);
             for ((left, right), index) in stretch.records().zip(stretch.first.onward()) {
                 let Some(at) = same.position(left, right) else { return Ok(Some(index)) };
+                if withheld[0].is_set(left) || withheld[1].is_set(right) {
+                    continue;
+                }
                 let (segment, predicted, named) = predicted
                     .read(left)
                     .map_err(|label| self.prediction.wrong(stretch.runs.0, index, label))?;

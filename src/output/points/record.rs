@@ -200,6 +200,7 @@ impl RecordPlan {
         if class.is_none() && label == 0 {
             return None;
         }
+        // Readers skip a withheld point whatever its class is.
         match class.unwrap_or_default() {
             PointClass::Object => match kind.hedge {
                 Hedge::No => {
@@ -212,6 +213,7 @@ impl RecordPlan {
             PointClass::Ground => Some(GROUND),
             PointClass::LowNoise => Some(LOW_NOISE),
             PointClass::HighNoise => Some(if self.extended { HIGH_NOISE } else { LOW_NOISE }),
+            PointClass::Withheld => None,
         }
     }
 }

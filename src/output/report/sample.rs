@@ -248,7 +248,7 @@ impl<'a> Sampler<'a> {
         let key = match class {
             PointClass::Ground => GROUND,
             PointClass::Object => object + 1,
-            PointClass::LowNoise | PointClass::HighNoise => return,
+            PointClass::LowNoise | PointClass::HighNoise | PointClass::Withheld => return,
         };
         let Some(rule) = self.sampling.rules.get(key as usize) else { return };
         let voxel = point.map(|value| value >> rule.shift);

@@ -70,7 +70,7 @@ impl PointStream {
         tree.to_string()
     }
 
-    /// The points of a node; `None` if there is no such node. Noise is left out.
+    /// The points of a node; `None` if there is no such node. Noise and withheld points are left out.
     ///
     /// # Errors
     /// [`InputError`] if its points cannot be read or decoded.
@@ -81,6 +81,7 @@ impl PointStream {
         let layout = self.file.layout();
         let mut shown: Vec<Shown> = records
             .chunks_exact(layout.record_len)
+            .filter(|record| !layout.withheld.is_set(record))
             .filter_map(|record| self.shown(record, layout.intensity, layout.classification))
             .collect();
         // Keys ascend in the bytes. The order within a key is that of the file.

@@ -9,7 +9,7 @@ use bytemuck::Pod;
 use crate::config::Config;
 use crate::error::Result;
 use crate::input::{Catalog, Fields, InputFile};
-use crate::model::{FileId, Lattice, LatticeTransform, PointId, RecordView};
+use crate::model::{FileId, FlagPlace, Lattice, LatticeTransform, PointId, RecordView};
 use crate::run::drive::per_point::PerPoint;
 use crate::run::engine::Payloads;
 use crate::spatial::CellGrid;
@@ -34,14 +34,35 @@ pub(crate) struct BlockRun {
     pub(crate) points: u64,
 }
 
+/// A record as it is unpacked: x, y and z as in the record, and whether it is withheld.
+type UnpackedRecord = [u8; 13];
+/// Where it says that it is withheld.
+const UNPACKED_WITHHELD: FlagPlace = FlagPlace { offset: 12, mask: 1 };
+
+/// The records of a unit of a compressed file, as the survey unpacks them.
+#[derive(Debug, Default)]
+pub(crate) struct Unpacked {
+    /// x, y and z as in the record.
+    pub(crate) positions: Vec<[i32; 3]>,
+    /// 1 if the record is withheld, else 0.
+    pub(crate) withheld: Vec<u8>,
+}
+
+/// The same for all compressed files, as it is stored.
+#[derive(Debug)]
+pub(crate) struct Positions {
+    pub(crate) positions: PerPoint<[i32; 3]>,
+    /// Only of units with withheld records.
+    pub(crate) withheld: PerPoint<u8>,
+}
+
 /// The drive.
 #[derive(Debug)]
 pub(crate) struct Drive {
     pub(crate) catalog: Catalog,
     pub(crate) grid: CellGrid,
-    /// Record coordinates of compressed files: x, y, z as in the records. Known after the survey has unpacked
-    /// them.
-    positions: OnceLock<PerPoint<[i32; 3]>>,
+    /// Positions of compressed files. Known after the survey has unpacked them.
+    positions: OnceLock<Positions>,
 }
 
 impl Drive {
@@ -52,7 +73,7 @@ impl Drive {
     }
 
     /// From now on the positions of compressed files are read from here.
-    pub(crate) fn use_positions(&self, positions: PerPoint<[i32; 3]>) {
+    pub(crate) fn use_positions(&self, positions: Positions) {
         // A process completes the survey once. A second time would give the same positions.
         let _ = self.positions.set(positions);
     }
@@ -109,12 +130,12 @@ impl Drive {
         records * (file.layout().record_len as u64 + more)
     }
 
-    /// Surveys a block directly from the file (decoded, if compressed). Adds its positions to `unpacked` if
+    /// Surveys a block directly from the file (decoded, if compressed). Adds its records to `unpacked` if
     /// that is given.
     pub(crate) fn survey_block(
         &self,
         (file, block): (usize, usize),
-        unpacked: Option<&mut Vec<[i32; 3]>>,
+        unpacked: Option<&mut Unpacked>,
         buffer: &mut Vec<u8>,
         collector: &mut Collector,
     ) -> Result<()> {
@@ -122,10 +143,11 @@ impl Drive {
         let layout = input.layout();
         let run = &input.blocks()[block];
         {
-            let bytes = input.records(block, Fields::Geometry, buffer)?;
-            let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
-            if let Some(unpacked) = unpacked {
-                unpacked.extend(view.xyz());
+            let view = layout.view(input.records(block, Fields::Geometry, buffer)?);
+            if let Some(Unpacked { positions, withheld }) = unpacked {
+                positions.extend(view.xyz());
+                let records = view.bytes.chunks_exact(view.stride);
+                withheld.extend(records.map(|record| u8::from(view.is_withheld(record))));
             }
             collector.block(&view, input.transform()).map_err(|absurd| SurveyError::Position {
                 path: input.path().to_owned(),
@@ -147,17 +169,35 @@ impl Drive {
     ) -> Result<T> {
         let input = self.file(file);
         let run = &input.blocks()[block];
-        if let Some(positions) = self.positions.get().filter(|_| input.is_compressed()) {
+        if let Some(Positions { positions, withheld }) =
+            self.positions.get().filter(|_| input.is_compressed())
+        {
             let mut xyz = vec![[0_i32; 3]; run.count as usize];
             positions.read(file, run.first_record, &mut xyz)?;
-            let view = RecordView { bytes: bytemuck::cast_slice(&xyz), stride: 12, gps_time: None };
+            let mut flags = vec![0; xyz.len()];
+            withheld.read(file, run.first_record, &mut flags)?;
+            let plain = RecordView {
+                bytes: bytemuck::cast_slice(&xyz),
+                stride: size_of::<[i32; 3]>(),
+                gps_time: None,
+                withheld: None,
+            };
+            if flags.iter().all(|flag| *flag == 0) {
+                return Ok(see(&plain, input.transform()));
+            }
+            let records = plain.bytes.chunks_exact(plain.stride).zip(&flags);
+            let mut flagged = Vec::with_capacity(flags.len() * size_of::<UnpackedRecord>());
+            for (record, flag) in records {
+                flagged.extend_from_slice(record);
+                flagged.push(*flag);
+            }
+            let stride = size_of::<UnpackedRecord>();
+            let view = RecordView { bytes: &flagged, stride, withheld: Some(UNPACKED_WITHHELD), ..plain };
             return Ok(see(&view, input.transform()));
         }
         let seen;
         {
-            let bytes = input.records(block, Fields::Geometry, buffer)?;
-            let layout = input.layout();
-            let view = RecordView { bytes, stride: layout.record_len, gps_time: layout.gps_time };
+            let view = input.layout().view(input.records(block, Fields::Geometry, buffer)?);
             seen = see(&view, input.transform());
         }
         input.release(block);
@@ -171,12 +211,29 @@ impl Drive {
         units: &Payloads,
         number: usize,
     ) -> PerPoint<T> {
-        let records = |run: &BlockRun| {
-            let block = self.file(run.file).blocks().get(run.blocks.start);
-            let first = block.map_or(0, |block| block.first_record);
-            (run.file, first..first + run.points)
+        PerPoint::new(runs.iter().map(|run| self.records_of(run)).collect(), units, number)
+    }
+
+    /// The same, if only units with `has` have the section. Other records have the default.
+    pub(crate) fn per_point_of<T: Pod + Default>(
+        &self,
+        runs: &[BlockRun],
+        units: &Payloads,
+        number: usize,
+        has: &[bool],
+    ) -> PerPoint<T> {
+        let records = |(run, has): (&BlockRun, &bool)| {
+            let (file, records) = self.records_of(run);
+            (file, records.start..if *has { records.end } else { records.start })
         };
-        PerPoint::new(runs.iter().map(records).collect(), units, number)
+        PerPoint::new(runs.iter().zip(has).map(records).collect(), units, number)
+    }
+
+    /// File and records of a run.
+    fn records_of(&self, run: &BlockRun) -> (usize, Range<u64>) {
+        let block = self.file(run.file).blocks().get(run.blocks.start);
+        let first = block.map_or(0, |block| block.first_record);
+        (run.file, first..first + run.points)
     }
 
     /// The values of points by their ids. The ids are mostly ascending.

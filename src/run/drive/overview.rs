@@ -10,7 +10,7 @@ use crate::run::drive::Section;
 use crate::run::drive::axis::find_axis;
 use crate::run::drive::strays::Usual;
 use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes};
-use crate::spatial::{BlockZone, PackedCells};
+use crate::spatial::{BlockZone, CellMap, PackedCells};
 use crate::survey::{Axis, Survey, SurveyError};
 use crate::words::counted;
 
@@ -25,8 +25,10 @@ const OWNERS_PART: u64 = 4;
 pub(crate) struct Surveyed {
     pub(crate) survey: Survey,
     pub(crate) axis: Axis,
-    /// Number of points of each occupied cell.
+    /// Number of points of each occupied cell, withheld ones included: tiles own these as well.
     pub(crate) cells: Arc<PackedCells>,
+    /// The same without withheld points.
+    pub(crate) used: Arc<PackedCells>,
     /// The section that is processed; `None` if it is the whole drive.
     pub(crate) section: Option<Section>,
     pub(crate) warnings: Vec<String>,
@@ -37,21 +39,33 @@ impl Surveyed {
     pub(crate) fn new(drive: &Drive, mut survey: Survey, config: &Config, deciding: i64) -> Result<Self> {
         let mut warnings = Vec::new();
         check_extent(drive, &survey)?;
+        let withheld = survey.withheld();
+        if withheld > 0 && withheld == survey.points() {
+            return Err(SurveyError::Withheld { points: withheld }.into());
+        }
         let cells = Arc::new(PackedCells::from(std::mem::take(&mut survey.occupancy)));
-        let usual = Usual::of(drive, &cells);
-        let axis = find_axis(drive, &survey, (&cells, &usual), config, &mut warnings)?;
+        let used = used_cells(&cells, std::mem::take(&mut survey.withheld_by_cell));
+        let usual = Usual::of(drive, &used);
+        let axis = find_axis(drive, &survey, (&used, &usual), config, &mut warnings)?;
+        if withheld > 0 {
+            let (points, verb) = (counted(withheld, "point"), if withheld == 1 { "is" } else { "are" });
+            warnings.push(format!(
+                "{points} {verb} withheld (the flag of LAS for points that are not to be processed) and left out: neither \
+                 ground nor part of an object"
+            ));
+        }
         if survey.bad_times > 0 {
             let times = counted(survey.bad_times, "point");
             let verb = if survey.bad_times == 1 { "has" } else { "have" };
             warnings.push(format!("{times} {verb} no usable GPS time: it is not finite, or beyond 1e15 s"));
         }
         survey.time_bins.clear();
-        usual.warn(drive, &survey, &cells, &axis, &mut warnings);
+        usual.warn(drive, &survey, &used, &axis, &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
         warn_of_files_apart(drive, &mut warnings);
         let (grid, lattice) = (drive.grid, drive.lattice());
         let section = Section::chosen(&config.tiling, &axis, &cells, grid, lattice, deciding)?;
-        Ok(Self { survey, axis, cells, section, warnings })
+        Ok(Self { survey, axis, cells, used, section, warnings })
     }
 
     /// Number of points of each processed cell.
@@ -73,7 +87,8 @@ impl Surveyed {
     /// plan, its axis, and its blocks.
     pub(crate) fn held_bytes(&self) -> u64 {
         let zones = self.survey.zones.iter().flatten().map(BlockZone::bytes).sum::<u64>();
-        self.cells.bytes() + self.cells.bytes() / OWNERS_PART + self.axis.bytes() + zones
+        let used = if Arc::ptr_eq(&self.cells, &self.used) { 0 } else { self.used.bytes() };
+        self.cells.bytes() + used + self.cells.bytes() / OWNERS_PART + self.axis.bytes() + zones
     }
 
     /// One number for the content of all files.
@@ -95,6 +110,23 @@ impl Surveyed {
     pub(crate) fn lowest(&self) -> i64 {
         self.extent().0[2]
     }
+}
+
+/// The occupied cells without withheld points, which are given by cell.
+fn used_cells(cells: &Arc<PackedCells>, withheld: CellMap<u32>) -> Arc<PackedCells> {
+    let withheld = PackedCells::from(withheld);
+    if withheld.is_empty() {
+        return Arc::clone(cells);
+    }
+    let mut without = withheld.cursor();
+    let mut used = CellMap::default();
+    for (cell, points) in cells.iter() {
+        let points = points.saturating_sub(without.get(cell));
+        if points > 0 {
+            *used.entry(cell) = points;
+        }
+    }
+    Arc::new(PackedCells::from(used))
 }
 
 fn check_extent(drive: &Drive, survey: &Survey) -> Result<()> {

@@ -1,12 +1,17 @@
 //! The points of the drive grouped by tile, as the pass `scatter` stored them.
 
 use crate::error::Result;
-use crate::model::TileId;
+use crate::model::{FlagPlace, TileId};
 use crate::run::drive::Groups;
 use crate::run::engine::Sections;
 
 /// Bytes of a point.
 pub(crate) const STRIDE: usize = 16;
+/// The bits of the last word of a point with the number of its record in the unit. A unit has far fewer
+/// records than these bits can count.
+pub(crate) const RECORD_BITS: u32 = u32::MAX >> 1;
+/// The other bit of this word: whether the point is withheld.
+pub(crate) const WITHHELD: FlagPlace = FlagPlace { offset: STRIDE - 1, mask: 1 << 7 };
 
 /// The points of the drive grouped by tile, unit by unit.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use crate::codec;
 use crate::error::{Error, Result};
 use crate::model::{RecordView, TileId};
 use crate::run::drive::verdicts::{TileVerdicts, range};
-use crate::run::drive::{Drive, STRIDE, Scattered, StoredFields, Surveyed};
+use crate::run::drive::{Drive, RECORD_BITS, STRIDE, Scattered, StoredFields, Surveyed, WITHHELD};
 use crate::run::engine::Payloads;
 use crate::spatial::{Area, BlockZone};
 use crate::tiling::{Gathered, Gatherer, HeightOutOfRange, Plan, Region, Wanted};
@@ -138,9 +138,11 @@ impl<'a> Tiled<'a> {
             }
             let first_id = self.drive.first_id(file, block);
             let classes = (!verdicts.is_empty()).then_some(&codes[..]);
+            let any_withheld = self.zones()[file][block].withheld > 0;
             self.drive
                 .geometry(file, block, &mut buffer, |view, transform| {
-                    gatherer.block(view, transform, |record, _| first_id + record as u64, classes)
+                    let view = RecordView { withheld: view.withheld.filter(|_| any_withheld), ..*view };
+                    gatherer.block(&view, transform, |record, _| first_id + record as u64, classes)
                 })?
                 .map_err(out_of_range)?;
         }
@@ -154,7 +156,9 @@ impl<'a> Tiled<'a> {
         gatherer: &mut Gatherer<'_>,
         verdicts: &[TileVerdicts],
     ) -> Result<()> {
-        let record = |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
+        let record =
+            |bytes: &[u8]| u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) & RECORD_BITS;
+        let withheld = (self.surveyed.survey.withheld() > 0).then_some(WITHHELD);
         // The points of a tile and its classes are both in the order of the ids.
         let mut seen = vec![0; region.tiles.len()];
         for (place, unit) in scattered.units.iter().enumerate() {
@@ -169,7 +173,7 @@ impl<'a> Tiled<'a> {
                     })
                 });
                 seen[number] += count;
-                let view = RecordView { bytes: &bytes, stride: STRIDE, gps_time: None };
+                let view = RecordView { bytes: &bytes, stride: STRIDE, gps_time: None, withheld };
                 let id = |_: usize, bytes: &[u8]| first_id + u64::from(record(bytes));
                 gatherer.block(&view, transform, id, classes.transpose()?).map_err(out_of_range)?;
             }

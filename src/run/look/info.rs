@@ -40,6 +40,8 @@ pub struct DriveFacts {
     pub files: Vec<FileFacts>,
     /// Number of points.
     pub points: u64,
+    /// How many of them are withheld. The extent includes them, density and times do not.
+    pub withheld: u64,
     /// Number of bytes.
     pub bytes: u64,
     /// Coordinate reference system, if known.
@@ -95,7 +97,7 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
     let lattice = drive.lattice();
     let (lo, hi) = surveyed.survey.extent.unwrap_or_default();
     let cell_m2 = lattice.metres(drive.grid.edge()).powi(2);
-    let mut counts: Vec<u32> = surveyed.cells.iter().map(|(_, points)| points).collect();
+    let mut counts: Vec<u32> = surveyed.used.iter().map(|(_, points)| points).collect();
     counts.sort_unstable();
     let density = |count: u32| f64::from(count) / cell_m2;
     let area_m2 = counts.len() as f64 * cell_m2;
@@ -104,6 +106,7 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
     warnings.extend(surveyed.warnings.iter().cloned());
     Ok(DriveFacts {
         points: surveyed.survey.points(),
+        withheld: surveyed.survey.withheld(),
         bytes: files.iter().map(|file| file.bytes).sum(),
         files,
         crs: drive.catalog.crs().description.clone(),
@@ -113,7 +116,7 @@ pub fn look_at(inputs: &[PathBuf], config: &Config) -> Result<DriveFacts> {
         max_m: hi.map(|value| lattice.metres(value)),
         gps_time_s: surveyed.survey.time,
         area_m2,
-        density_mean: surveyed.survey.points() as f64 / area_m2,
+        density_mean: (surveyed.survey.points() - surveyed.survey.withheld()) as f64 / area_m2,
         density_median: density(counts[counts.len() / 2]),
         density_max: density(counts[counts.len() - 1]),
         axis: AxisFacts::of(&surveyed.axis),

@@ -1,5 +1,6 @@
 //! Pass `fields`: stores further fields of every point (intensity, colours), and computes exact sums over all
-//! points of the drive, ground and noise included, of every field in which distances are measured.
+//! points of the drive, ground and noise included, withheld points not, of every field in which distances are
+//! measured.
 //!
 //! ```text
 //! payload := sums values*        sections; values (u16) of each field that is not a coordinate
@@ -8,7 +9,7 @@
 use crate::codec;
 use crate::error::Result;
 use crate::input::Fields;
-use crate::model::{Field, FieldSums, RecordView, record_xyz};
+use crate::model::{Field, FieldSums, record_xyz};
 use crate::run::drive::{BlockRun, Drive, StoredFields, Surveyed, stored_fields};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::ground::ALGORITHM_EPOCH;
@@ -65,9 +66,10 @@ impl FieldsPass<'_> {
         let transform = input.transform();
         {
             let bytes = input.records(block, Fields::All, buffer)?;
-            let records = RecordView { bytes, stride: layout.record_len, gps_time: None }.bytes;
+            let records = bytes;
             for (field, sums) in self.fields.iter().zip(&mut found.sums) {
                 let records = records.chunks_exact(layout.record_len);
+                let records = records.filter(|record| !layout.withheld.is_set(record));
                 match (field.axis(), layout.field(*field)) {
                     (Some(axis), _) => records.for_each(|r| sums.add(transform.apply(record_xyz(r))[axis])),
                     (None, Some(place)) => records.for_each(|r| sums.add(place.value(r).into())),

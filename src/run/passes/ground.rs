@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::ground::{LowPoints, NoGround};
 use crate::inventory::{Terrain, TerrainSums};
-use crate::model::{PointClass, TileId};
+use crate::model::{PointClass, PointId, TileId};
 use crate::run::chain::{Chain, with_section};
 use crate::run::drive::section;
 use crate::run::drive::{Classified, Surveyed, TileVerdicts, Tiled, sections};
@@ -23,7 +23,7 @@ const NUMBER: u32 = 2;
 const NAME: &str = "ground";
 
 /// Raised when a method gives different results for the same input and settings.
-pub(crate) const ALGORITHM_EPOCH: u32 = 5;
+pub(crate) const ALGORITHM_EPOCH: u32 = 6;
 
 /// Bytes per point that a tile of this pass needs at its peak (columns, voxels, sorting).
 /// `scripts/tile_memory.py` measured 37 to 44 on streets, and 44 to 51 in forests, where few points share a
@@ -65,7 +65,7 @@ impl<'a> GroundPass<'a> {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(crate) struct GroundPayload {
     /// Points by class code.
-    pub(crate) counts: [u64; 4],
+    pub(crate) counts: [u64; PointClass::COUNT],
     /// How many of the low points are ground, counted in one cell in [`LOW_SHARE`].
     pub(crate) low: LowPoints,
     /// Number of ground points and the sum of their lattice z, by cell.
@@ -164,6 +164,8 @@ impl<'a> Pass for GroundPass<'a> {
             gathered.core[point] && (grid.index(x) + 3 * grid.index(y)).rem_euclid(LOW_SHARE) == 0
         };
         payload.low = LowPoints::count(cloud, &classes, &grid, asked);
+        payload.counts[usize::from(PointClass::Withheld.code())] = gathered.withheld.len() as u64;
+        let (ids, codes) = with_withheld(ids, codes, &gathered.withheld);
         let verdicts = TileVerdicts::collect(self.tiled.drive, &ids, codes)?;
         let [blocks, runs, codes] = verdicts.into_sections()?;
         Ok(codec::pack(&[codec::encode(&payload)?, blocks, runs, codes]))
@@ -186,6 +188,17 @@ impl<'a> Pass for GroundPass<'a> {
     }
 }
 
+/// Points (ascending) with their classes, together with withheld points (ascending).
+fn with_withheld(ids: Vec<PointId>, codes: Vec<u8>, withheld: &[PointId]) -> (Vec<PointId>, Vec<u8>) {
+    if withheld.is_empty() {
+        return (ids, codes);
+    }
+    let mut all: Vec<(PointId, u8)> = ids.into_iter().zip(codes).collect();
+    all.extend(withheld.iter().map(|&id| (id, PointClass::Withheld.code())));
+    all.sort_unstable_by_key(|(id, _)| *id);
+    all.into_iter().unzip()
+}
+
 /// Number of points by class, and the height of the ground, from the payloads.
 pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)> {
     let tiled = classified.tiled;
@@ -194,7 +207,7 @@ pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)
     for tile in TileId::first(tiled.count()) {
         let mut summary: GroundPayload = classified.section(tile, sections::SUMMARY)?;
         if !tiled.plan.tiles[tile.index()].inside {
-            summary.counts = [0; 4];
+            summary.counts = [0; PointClass::COUNT];
         }
         add(summary, &mut counts, &mut terrain);
     }
@@ -203,11 +216,12 @@ pub(crate) fn summed_up(classified: &Classified<'_>) -> Result<(Counts, Terrain)
 
 /// Adds the heights of a tile.
 fn add(summary: GroundPayload, counts: &mut Counts, terrain: &mut TerrainSums) {
-    let [object, ground, low_noise, high_noise] = summary.counts;
+    let [object, ground, low_noise, high_noise, withheld] = summary.counts;
     counts.object += object;
     counts.ground += ground;
     counts.low_noise += low_noise;
     counts.high_noise += high_noise;
+    counts.withheld += withheld;
     for (cell, points, sum) in summary.heights {
         terrain.add(cell, points, sum);
     }
@@ -223,12 +237,12 @@ mod tests {
     fn counts_are_summed_and_cells_of_all_tiles_are_the_terrain() {
         let tiles = [
             GroundPayload {
-                counts: [5, 2, 1, 0],
+                counts: [5, 2, 1, 0, 4],
                 low: LowPoints::default(),
                 heights: vec![([0, 0], 2, -4_001)],
             },
             GroundPayload {
-                counts: [7, 1, 0, 3],
+                counts: [7, 1, 0, 3, 0],
                 low: LowPoints::default(),
                 heights: vec![([6, 0], 1, 3_000)],
             },
@@ -236,7 +250,7 @@ mod tests {
         let mut counts = Counts::default();
         let mut terrain = TerrainSums::new(CellGrid::new(1_000), Lattice::MILLIMETRE, -2_500);
         tiles.into_iter().for_each(|tile| add(tile, &mut counts, &mut terrain));
-        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3 });
+        assert_eq!(counts, Counts { object: 12, ground: 3, low_noise: 1, high_noise: 3, withheld: 4 });
         let terrain = terrain.into_terrain();
         assert_eq!(
             [[500, 500], [6_500, 500]].map(|place| terrain.height_m(place)),

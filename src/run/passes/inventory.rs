@@ -197,7 +197,7 @@ fn with_pass<T>(
         let (chainage_m, offset_m) = surveyed.axis.locate(place);
         Station { chainage_m, offset_m }
     };
-    let border = Border::of(&surveyed.cells, &surveyed.axis, drive.grid, drive.lattice());
+    let border = Border::of(&surveyed.used, &surveyed.axis, drive.grid, drive.lattice());
     // An object that reaches the end of a section may not be whole, like an object that reaches the end of
     // the data.
     let is_cut_off = |[x, y]: [i64; 2]| {

@@ -5,14 +5,15 @@
 //! ```text
 //! payload := groups points       sections
 //! points := point*               grouped by owning tile, in file order within a tile
-//! point := x y z (i32, as in the record) record (u32, from the first record of the unit)
+//! point := x y z (i32, as in the record) record (u32, from the first record of the unit; with the highest
+//!          bit if it is withheld)
 //! ```
 
 use crate::codec;
 use crate::error::Result;
 use crate::model::{TileId, in_u32, record_xyz};
 use crate::run::drive::ScatteredUnit;
-use crate::run::drive::{BlockRun, Drive, Groups, STRIDE, Scattered, Surveyed};
+use crate::run::drive::{BlockRun, Drive, Groups, RECORD_BITS, STRIDE, Scattered, Surveyed};
 use crate::run::engine::{Outline, Pass, Payloads, Sections};
 use crate::store::Inputs;
 use crate::tiling::Plan;
@@ -33,9 +34,13 @@ pub(crate) struct ScatterPass<'a> {
     outline: Outline,
 }
 
+/// Raised when the points of a unit are stored otherwise.
+const EPOCH: u32 = 1;
+
 /// Scattering depends on the content of the input and on the tiles.
 pub(crate) fn outline(surveyed: &Surveyed, plan: &Plan) -> Outline {
     let depends = Inputs::new()
+        .with("scatter epoch", EPOCH)
         .with("input content", format!("{:016x}", surveyed.content_digest()))
         .with("tiles", format!("{} tiles, geometry {:016x}", plan.tiles.len(), plan.digest()));
     Outline::new(NUMBER, NAME, depends)
@@ -61,7 +66,8 @@ impl<'a> ScatterPass<'a> {
                     let owner = self.drive.grid.cell(x, y).map_or(0, |cell| owners.get(cell));
                     let mut point = [0; STRIDE];
                     point[..12].copy_from_slice(&bytes[..12]);
-                    point[12..].copy_from_slice(&record.to_le_bytes());
+                    let withheld = if view.is_withheld(bytes) { !RECORD_BITS } else { 0 };
+                    point[12..].copy_from_slice(&(record | withheld).to_le_bytes());
                     points.push((owner.checked_sub(1).map_or(NOBODY, TileId::new), point));
                     record += 1;
                 }

@@ -1,13 +1,14 @@
 //! Pass `survey`: reads every record once. Its reduction gives the facts of the whole drive.
 //!
 //! ```text
-//! payload := part positions     sections; positions (x y z, i32, as in the record) of compressed files only
+//! payload := part positions withheld     sections; of compressed files only: positions (x y z, i32, as in
+//!                                        the record), and u8 per record if any is withheld
 //! ```
 
 use crate::codec;
 use crate::config::Config;
 use crate::error::Result;
-use crate::run::drive::{BlockRun, Drive, PerPoint, identity};
+use crate::run::drive::{BlockRun, Drive, Positions, Unpacked, identity};
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::store::{Inputs, PassDir, RunDir};
 use crate::survey::{Collector, Survey, SurveyPart};
@@ -15,12 +16,14 @@ use crate::survey::{Collector, Survey, SurveyPart};
 const NUMBER: u32 = 0;
 const NAME: &str = "survey";
 
-/// What the bytes of a unit mean. 2: bins of time have the extent of their points.
-const EPOCH: u32 = 2;
+/// What the bytes of a unit mean. 2: bins of time have the extent of their points. 3: withheld points count by
+/// themselves.
+const EPOCH: u32 = 3;
 
 /// Sections of the payload of a unit.
 const PART: usize = 0;
 const POSITIONS: usize = 1;
+const WITHHELD: usize = 2;
 
 pub(crate) struct SurveyPass<'a> {
     drive: &'a Drive,
@@ -53,25 +56,33 @@ impl<'a> SurveyPass<'a> {
         self.verify(&run_dir.pass(&self.outline.folder, self.outline.depends.clone()))
     }
 
-    /// Surveys a unit. With `unpack` it also returns the positions of a compressed file.
-    fn survey(&self, unit: usize, unpack: bool) -> Result<(SurveyPart, Vec<[i32; 3]>)> {
+    /// Surveys a unit. With `unpack` it also returns the records of a compressed file.
+    fn survey(&self, unit: usize, unpack: bool) -> Result<(SurveyPart, Unpacked)> {
         let run = &self.runs[unit];
         let file = self.drive.file(run.file);
         file.check_unchanged()?;
         let mut collector = Collector::new(self.drive.grid, self.drive.lattice());
         let mut buffer = Vec::new();
-        let mut positions = Vec::new();
+        let mut records = Unpacked::default();
         for block in run.blocks.clone() {
-            let unpacked = (unpack && file.is_compressed()).then_some(&mut positions);
+            let unpacked = (unpack && file.is_compressed()).then_some(&mut records);
             self.drive.survey_block((run.file, block), unpacked, &mut buffer, &mut collector)?;
         }
-        Ok((collector.finish(), positions))
+        let part = collector.finish();
+        if part.withheld.is_empty() {
+            records.withheld.clear();
+        }
+        Ok((part, records))
     }
 
     /// The positions of compressed files, from the units of the complete pass. `None` if there are none.
-    fn positions(&self, payloads: &Payloads) -> Option<PerPoint<[i32; 3]>> {
+    /// `withheld` says which units have withheld records.
+    fn positions(&self, payloads: &Payloads, withheld: &[bool]) -> Option<Positions> {
         let any = self.drive.catalog.files().iter().any(|file| file.is_compressed());
-        (any && self.run_dir.is_some()).then(|| self.drive.per_point(&self.runs, payloads, POSITIONS))
+        (any && self.run_dir.is_some()).then(|| Positions {
+            positions: self.drive.per_point(&self.runs, payloads, POSITIONS),
+            withheld: self.drive.per_point_of(&self.runs, payloads, WITHHELD, withheld),
+        })
     }
 }
 
@@ -91,10 +102,10 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn bytes(&self, unit: usize) -> u64 {
-        // Positions of a block on the lattice, the counts, and the positions of the unit, which are in memory
-        // twice while the unit is stored.
+        // Positions of a block on the lattice, the counts, and the positions and flags of the unit, which are
+        // in memory twice while the unit is stored.
         let run = &self.runs[unit];
-        let unpacked = if self.drive.file(run.file).is_compressed() { run.points * 24 } else { 0 };
+        let unpacked = if self.drive.file(run.file).is_compressed() { run.points * 26 } else { 0 };
         self.drive.largest_block_bytes(run, 12) + unpacked + (16 << 20)
     }
 
@@ -117,17 +128,21 @@ impl Pass for SurveyPass<'_> {
     }
 
     fn run(&self, unit: usize) -> Result<Vec<u8>> {
-        let (part, positions) = self.survey(unit, self.run_dir.is_some())?;
-        Ok(codec::pack(&[&codec::encode(&part)?[..], bytemuck::cast_slice(&positions)]))
+        let (part, records) = self.survey(unit, self.run_dir.is_some())?;
+        let positions = bytemuck::cast_slice(&records.positions);
+        Ok(codec::pack(&[&codec::encode(&part)?[..], positions, &records.withheld]))
     }
 
     /// The survey of the whole drive. From then on the positions of compressed files are read from the units.
     fn reduce(&self, payloads: &Payloads) -> Result<Survey> {
         let mut survey = Survey::default();
+        let mut withheld = Vec::with_capacity(self.runs.len());
         for (unit, run) in self.runs.iter().enumerate() {
-            survey.add(run.file, codec::decode(&payloads.section(unit, PART)?)?);
+            let part: SurveyPart = codec::decode(&payloads.section(unit, PART)?)?;
+            withheld.push(!part.withheld.is_empty());
+            survey.add(run.file, part);
         }
-        if let Some(positions) = self.positions(payloads) {
+        if let Some(positions) = self.positions(payloads, &withheld) {
             self.drive.use_positions(positions);
         }
         Ok(survey)
