@@ -254,6 +254,31 @@ fn files_with_one_name_are_told_apart_where_no_copies_are_written() {
     assert!(lines[0].contains("north/x.las") && lines[1].contains("south/x.las"), "{table}");
 }
 
+/// A drive of 80 m. The last profiles meet a post that is 20 m before the end of the ground.
+#[test]
+fn an_object_of_the_last_profiles_is_cut_wherever_the_data_ends() {
+    let time = |x: i64| x as f64 / 80_000.0 * 30.0;
+    let ground = (0..320 * 48).map(|n| {
+        let (x, y) = (n / 48 * 250, n % 48 * 250 - 6_000);
+        Point { mm: [x, y, 0], time: time(x), mark: 0 }
+    });
+    let post =
+        |x: i64, time: f64| (0..60).map(move |n| Point { mm: [x, 3_000, 300 + n * 50], time, mark: 0 });
+    let points: Vec<Point> =
+        ground.chain(post(30_000, time(30_000))).chain(post(60_000, time(79_750))).collect();
+    for (format, expected) in [(6, ["false", "true"]), (0, ["false", "false"])] {
+        let scratch = Scratch::new();
+        let file = scratch.file("x.las", &Shape { format, ..Shape::default() }, &points);
+        let out = scratch.out("out");
+        drive(&[file], &out, &list(5.0, &["output.files=[\"csv\"]", "euclidean.min_points=20"])).unwrap();
+        let table = std::fs::read_to_string(out.join("objects.csv")).unwrap();
+        let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+        let column = rows[0].iter().position(|name| *name == "cut").unwrap();
+        let cut: Vec<&str> = rows[1..].iter().map(|row| row[column]).collect();
+        assert_eq!(cut, expected, "point format {format}: {table}");
+    }
+}
+
 /// The settings say feet. Points, tables, page and cloud-optimised file agree on it, and a file that does not
 /// name its system has the units of those that do.
 #[test]

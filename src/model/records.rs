@@ -37,6 +37,14 @@ impl<'a> RecordView<'a> {
         self.bytes.chunks_exact(self.stride).map(record_xyz)
     }
 
+    /// The GPS time of a record in seconds, if the format has one.
+    #[inline]
+    #[must_use]
+    pub fn time(&self, record: &[u8]) -> Option<f64> {
+        let bytes = record.get(self.gps_time?..)?.first_chunk()?;
+        Some(f64::from_le_bytes(*bytes))
+    }
+
     /// Whether a record of the block is withheld.
     #[inline]
     #[must_use]

@@ -14,6 +14,7 @@
 mod axis;
 mod clock;
 mod error;
+mod moments;
 mod part;
 mod recordings;
 mod runs;
@@ -25,5 +26,6 @@ mod trajectory;
 pub use axis::{Axis, AxisSource};
 pub use clock::ClockDoubt;
 pub use error::SurveyError;
+pub use moments::Moment;
 pub use part::{Collector, OutOfRange, Survey, SurveyPart, TIME_BIN_S, TimeBin};
 pub use trajectory::read_trajectory;

@@ -24,7 +24,7 @@ const ZONE_CELLS_MAX: usize = 192;
 /// is some hundred metres, and the way of half a second).
 const SCANNED_M: f64 = 2_000.0;
 
-/// Sum and extent of the positions of the points of one time bin, in lattice units.
+/// Sum and extent of the positions of the points of one time bin, in lattice units, and their times.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TimeBin {
     /// Points in the bin.
@@ -37,30 +37,42 @@ pub struct TimeBin {
     pub lo: [i64; 2],
     /// Largest lattice x and y.
     pub hi: [i64; 2],
+    /// First GPS time in seconds.
+    pub first: f64,
+    /// Last GPS time in seconds.
+    pub last: f64,
 }
 
 impl Default for TimeBin {
     fn default() -> Self {
-        Self { count: 0, sum_x: 0, sum_y: 0, lo: [i64::MAX; 2], hi: [i64::MIN; 2] }
+        let (lo, hi) = ([i64::MAX; 2], [i64::MIN; 2]);
+        let (first, last) = (f64::INFINITY, f64::NEG_INFINITY);
+        Self { count: 0, sum_x: 0, sum_y: 0, lo, hi, first, last }
     }
 }
 
 impl TimeBin {
+    /// Adds a point.
     #[inline]
-    fn add(&mut self, [x, y, _]: [i64; 3]) {
+    fn add(&mut self, time: f64, [x, y, _]: [i64; 3]) {
         self.count += 1;
         self.sum_x += i128::from(x);
         self.sum_y += i128::from(y);
         self.lo = [self.lo[0].min(x), self.lo[1].min(y)];
         self.hi = [self.hi[0].max(x), self.hi[1].max(y)];
+        self.first = self.first.min(time);
+        self.last = self.last.max(time);
     }
 
+    /// Adds points.
     fn merge(&mut self, other: &Self) {
         self.count += other.count;
         self.sum_x += other.sum_x;
         self.sum_y += other.sum_y;
         self.lo = [0, 1].map(|k| self.lo[k].min(other.lo[k]));
         self.hi = [0, 1].map(|k| self.hi[k].max(other.hi[k]));
+        self.first = self.first.min(other.first);
+        self.last = self.last.max(other.last);
     }
 
     /// Whether a scanner can have measured all points of the bin within half a second. If not, their mean is
@@ -247,7 +259,7 @@ impl Collector {
             self.flush_bin();
             self.bin = bin;
         }
-        self.bin_sum.add(point);
+        self.bin_sum.add(time, point);
         Some(time)
     }
 
@@ -418,9 +430,10 @@ mod tests {
     fn counts_cells_times_and_extent() {
         let part = survey(&[([-1, 0, 5], 10.1), ([0, 999, 7], 10.4), ([1_000, 0, -3], f64::NAN)]);
         assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 1), ([1, 0], 1)]);
+        let sums = TimeBin { count: 2, sum_x: -1, sum_y: 999, ..part.time_bins[&20] };
         assert_eq!(
             part.time_bins[&20],
-            TimeBin { count: 2, sum_x: -1, sum_y: 999, lo: [-1, 0], hi: [0, 999] }
+            TimeBin { lo: [-1, 0], hi: [0, 999], first: 10.1, last: 10.4, ..sums }
         );
         assert_eq!(part.extent, Some(([-1, 0, -3], [1_000, 999, 7])));
         assert_eq!((part.time, part.bad_times), (Some((10.1, 10.4)), 1));
@@ -435,7 +448,8 @@ mod tests {
         let flag = crate::model::FlagPlace { offset: 19, mask: 0x80 };
         let view = RecordView { bytes: &bytes, stride: 20, gps_time: Some(12), withheld: Some(flag) };
         let transform = LatticeTransform { axes: [axis; 3] };
-        let part = SurveyPart::survey([view].into_iter(), &transform, CellGrid::new(1_000)).unwrap();
+        let grid = CellGrid::new(1_000);
+        let part = SurveyPart::survey([view].into_iter(), &transform, grid, Lattice::MILLIMETRE).unwrap();
         assert_eq!(part.occupancy, [([-1, 0], 1), ([0, 0], 2)]);
         assert_eq!(part.withheld, [([0, 0], 1)]);
         assert_eq!(part.extent, Some(([-1, 0, -5], [9, 9, 9])));

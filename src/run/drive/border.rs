@@ -100,6 +100,11 @@ impl<'a> Border<'a> {
         }) || self.ends.iter().any(|end| self.is_at(end, metres))
     }
 
+    /// Whether the drive begins, stops or has a gap around a place in metres.
+    pub(crate) fn has_end_around(&self, place: [f64; 2]) -> bool {
+        self.ends.iter().any(|end| (place[0] - end.place[0]).hypot(place[1] - end.place[1]) <= BEYOND_M)
+    }
+
     fn is_at(&self, end: &End, place: [f64; 2]) -> bool {
         let [along, across] = end.position(place);
         let slope = end.slopes[usize::from(across > 0.0)];

@@ -11,7 +11,7 @@ use crate::run::drive::axis::find_axis;
 use crate::run::drive::strays::Usual;
 use crate::run::drive::warnings::{warn_of_files_apart, warn_of_header_boxes};
 use crate::spatial::{BlockZone, CellMap, PackedCells};
-use crate::survey::{Axis, Survey, SurveyError};
+use crate::survey::{Axis, ClockDoubt, Moment, Survey, SurveyError};
 use crate::words::counted;
 
 /// Largest extent of heights in lattice units that fits local coordinates.
@@ -29,6 +29,8 @@ pub(crate) struct Surveyed {
     pub(crate) cells: Arc<PackedCells>,
     /// The same without withheld points.
     pub(crate) used: Arc<PackedCells>,
+    /// When the recording begins and ends, and its gaps.
+    pub(crate) moments: Vec<Moment>,
     /// The section that is processed; `None` if it is the whole drive.
     pub(crate) section: Option<Section>,
     pub(crate) warnings: Vec<String>,
@@ -59,13 +61,18 @@ impl Surveyed {
             let verb = if survey.bad_times == 1 { "has" } else { "have" };
             warnings.push(format!("{times} {verb} no usable GPS time: it is not finite, or beyond 1e15 s"));
         }
+        // Times that are not seconds say nothing about profiles.
+        let moments = match ClockDoubt::of(&survey, drive.lattice()) {
+            None => Moment::of(&survey.time_bins, drive.lattice()),
+            Some(_) => Vec::new(),
+        };
         survey.time_bins.clear();
         usual.warn(drive, &survey, &used, &axis, &mut warnings);
         warn_of_header_boxes(drive, &survey, &mut warnings);
         warn_of_files_apart(drive, &mut warnings);
         let (grid, lattice) = (drive.grid, drive.lattice());
         let section = Section::chosen(&config.tiling, &axis, &cells, grid, lattice, deciding)?;
-        Ok(Self { survey, axis, cells, used, section, warnings })
+        Ok(Self { survey, axis, cells, used, moments, section, warnings })
     }
 
     /// Number of points of each processed cell.

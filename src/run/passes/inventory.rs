@@ -205,6 +205,10 @@ fn with_pass<T>(
         surveyed.section.as_ref().is_some_and(|section| cell.is_none_or(|cell| !section.is_whole(cell)))
     };
     let at_end = |place| border.is_near(place) || is_cut_off(place);
+    // Where the drive goes on at another time, the last profiles cut nothing.
+    let cuts: Vec<bool> = surveyed.moments.iter().map(|moment| border.has_end_around(moment.place)).collect();
+    let is_cut =
+        |id: u32| columns.ends.range((id, 0)..=(id, u32::MAX)).any(|(_, moment)| cuts[*moment as usize]);
     let site = Site {
         lattice: drive.lattice(),
         units_m: drive.catalog.units_m(),
@@ -212,6 +216,7 @@ fn with_pass<T>(
         locate: &locate,
         is_driven: surveyed.axis.source != AxisSource::Principal,
         at_end: &at_end,
+        is_cut: &is_cut,
         file_names: &file_names,
     };
     let last_tile = last_tiles(objects);

@@ -2,32 +2,36 @@
 //! of records, and combines the results of all tiles that own these records.
 //!
 //! ```text
-//! payload := classes objects     sections; u8 and u32 per record
+//! payload := classes objects ends     sections; u8 and u32 per record; objects with points of the first or
+//!                                    last profiles
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use crate::codec;
 use crate::error::{Error, Result};
+use crate::input::Fields;
 use crate::model::{FileId, PointClass, TileId, in_u32};
 use crate::run::drive::{
-    BlockRun, Drive, OwnedBlock, PerPoint, Tiled, is_object, lengths, scatter, sections,
+    BlockRun, Drive, OwnedBlock, PerPoint, Surveyed, Tiled, is_object, lengths, scatter, sections,
 };
 use crate::run::engine::{Outline, Pass, Payloads};
 use crate::run::passes::sections as of_step;
 use crate::run::passes::stitch::Objects;
 use crate::run::passes::window::Progress;
 use crate::store::{Inputs, UnitReader};
+use crate::survey::Moment;
 
 const NUMBER: u32 = 5;
 const NAME: &str = "relabel";
 /// Raised when the values of points change for the same objects.
-const EPOCH: u32 = 2;
+const EPOCH: u32 = 3;
 
 /// Sections of the payload of a unit.
 const CLASSES: usize = 0;
 const OBJECTS: usize = 1;
+const ENDS: usize = 2;
 
 /// Relabelling depends on the objects.
 pub(crate) fn outline(stitch: &Outline) -> Outline {
@@ -42,6 +46,9 @@ pub(crate) struct PointColumns {
     pub(crate) classes: PerPoint<u8>,
     /// Object ids, 0 for none.
     pub(crate) objects: PerPoint<u32>,
+    /// Objects with points of the first or last profiles before an end or a gap of the recording, with the
+    /// number of the moment.
+    pub(crate) ends: BTreeSet<(u32, u32)>,
 }
 
 pub(crate) struct RelabelPass<'a> {
@@ -109,6 +116,35 @@ impl<'a> RelabelPass<'a> {
         }
         scatter(&runs, &to.owned, &mut to.objects[records])?;
         to.known[place] += block.points.1;
+        Ok(())
+    }
+
+    /// Adds the objects with points of the first or last profiles in a block. `objects` are those of its
+    /// records.
+    fn add_ends(
+        &self,
+        (file, block): (usize, usize),
+        objects: &[u32],
+        buffer: &mut Vec<u8>,
+        ends: &mut BTreeSet<(u32, u32)>,
+    ) -> Result<()> {
+        let Surveyed { survey, moments, .. } = self.progress.over.classified.tiled.surveyed;
+        let Some(times) = survey.zones[file][block].time else { return Ok(()) };
+        let moments: Vec<(u32, &Moment)> =
+            (0..).zip(moments).filter(|(_, moment)| moment.meets(times)).collect();
+        if moments.is_empty() || objects.iter().all(|object| *object == 0) {
+            return Ok(());
+        }
+        let input = self.drive().file(file);
+        let view = input.layout().view(input.records(block, Fields::Geometry, buffer)?);
+        for (record, &object) in view.bytes.chunks_exact(view.stride).zip(objects) {
+            let time = view.time(record).unwrap_or(f64::NAN);
+            if object != 0 {
+                let here = moments.iter().filter(|(_, moment)| moment.contains(time));
+                ends.extend(here.map(|(number, _)| (object, *number)));
+            }
+        }
+        input.release(block);
         Ok(())
     }
 
@@ -230,13 +266,25 @@ impl Pass for RelabelPass<'_> {
                 }
             }
         }
-        Ok(codec::pack(&[&values.classes[..], bytemuck::cast_slice(&values.objects)]))
+        let mut ends = BTreeSet::new();
+        let mut buffer = Vec::new();
+        for (block, records) in run.blocks.clone().zip(&values.blocks) {
+            self.add_ends((run.file, block), &values.objects[records.clone()], &mut buffer, &mut ends)?;
+        }
+        let objects = bytemuck::cast_slice(&values.objects);
+        Ok(codec::pack(&[&values.classes[..], objects, &codec::encode(&ends)?]))
     }
 
     /// The values of all points.
     fn reduce(&self, payloads: &Payloads) -> Result<PointColumns> {
         let drive = self.drive();
+        let mut ends = BTreeSet::new();
+        for unit in 0..self.units() {
+            let found: BTreeSet<(u32, u32)> = codec::decode(&payloads.section(unit, ENDS)?)?;
+            ends.extend(found);
+        }
         Ok(PointColumns {
+            ends,
             classes: drive.per_point(&self.runs, payloads, CLASSES).with_beside(PointClass::UNDECIDED),
             objects: drive.per_point(&self.runs, payloads, OBJECTS),
         })
