@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn billions_of_points_have_the_index_of_thousands() {
-        // Objects of 40 and 40 points, segments of 50 and 30, cells of 40, 10 and 30 points, each times `times`.
+        // Objects of 40 and 40 points, segments of 50 and 30, cells of 40, 10 and 30 points.
         let of = |times: u64| {
             let sums = |sizes: &[u64]| sizes.iter().map(|size| square(size * times)).sum();
             let points = i128::from(80 * times);

@@ -16,8 +16,8 @@ use crate::survey::{Collector, Survey, SurveyPart};
 const NUMBER: u32 = 0;
 const NAME: &str = "survey";
 
-/// What the bytes of a unit mean. 2: bins of time have the extent of their points. 3: withheld points count by
-/// themselves.
+/// What the bytes of a unit mean. 2: bins of time have the extent of their points. 3: withheld points count
+/// by themselves.
 const EPOCH: u32 = 3;
 
 /// Sections of the payload of a unit.
