@@ -17,8 +17,8 @@ from chainage.settings import Value, assignments, full_name
 # Only the labelled points are read back.
 _OUTPUT: dict[str, Value | None] = {"output.files": ["points"], "output.report": False}
 _STEP_M = 0.001
-# Largest coordinate. Chosen: beyond any position on earth, and within what cells of every size can hold.
-_FARTHEST = 1e9
+# Largest coordinate, that of files: beyond any position on earth.
+_FARTHEST = 2e8
 
 # Why settings cannot be given with an array: by section, or by full name.
 _REFUSED = {
@@ -70,9 +70,26 @@ def _points(points: Any) -> tuple[npt.NDArray[np.float64], tuple[Any, Any, Any],
 
 
 def _label(points: Any, settings: list[str]) -> tuple[Any, Any, Any]:
+    """Labels, classes and kinds of points. Withheld points of laspy.LasData are left out, as in a run: they get 0."""
     xyz, scales, offsets = _points(points)
+    used = np.ones(len(xyz), dtype=bool)
+    if hasattr(points, "withheld") and hasattr(points, "header"):
+        used = np.asarray(points.withheld) == 0
+    if used.all():
+        with raised():
+            return _native.label(xyz, scales, offsets, settings)
     with raised():
-        return _native.label(xyz, scales, offsets, settings)
+        found = _native.label(np.ascontiguousarray(xyz[used]), scales, offsets, settings)
+
+    def of_all(values: Any) -> Any:
+        if values is None:
+            return None
+        every = np.zeros(len(xyz), dtype=values.dtype)
+        every[used] = values
+        return every
+
+    labels, classes, kinds = (of_all(values) for values in found)
+    return labels, classes, kinds
 
 
 def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArray[np.uint32]:
@@ -81,7 +98,7 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     Parameters
     ----------
     xyz : array_like, shape (n, 3), or laspy.LasData
-        Coordinates in metres. Arrays are rounded to 1 mm.
+        Coordinates in metres. Arrays are rounded to 1 mm. Withheld points of laspy.LasData are left out.
     method : str, optional
         Clustering method: ``"euclidean"``, ``"density-peaks"``, ``"dbscan"``, ``"normalized-cut"``, ``"p-linkage"``
         (surfaces) or ``"street"``.
@@ -92,7 +109,7 @@ def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArr
     Returns
     -------
     ndarray of uint32, shape (n,)
-        The object of each point, from 1 on in the order of the first point of an object. 0: of no object.
+        The object of each point, from 1 on in the order of the first point of an object. 0: of no object, or withheld.
 
     Examples
     --------
@@ -143,7 +160,7 @@ def segment(
     Returns
     -------
     labels : ndarray of uint32, shape (n,)
-        The object of each point. 0: ground, noise, or of no object.
+        The object of each point. 0: ground, noise, of no object, or withheld.
     classes : ndarray of uint8, shape (n,)
         The class of the object of each point, if the method classifies; else the LAS class of the point (2 is ground).
     """

@@ -1,10 +1,12 @@
 //! What attributes see: one whole object.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use crate::inventory::measures::{Ends, Foot, Frames, Measures, Polygon, outline};
+use crate::inventory::measures::{
+    BUILDING, Ends, Foot, Frames, Measures, Polygon, lowest_before_front, lowest_of, outline,
+};
 use crate::inventory::site::{Site, centre};
-use crate::model::{Kind, Lattice, ObjectPart};
+use crate::model::{Kind, ObjectPart};
 
 /// A whole object: its number, the summaries of its points, and values that several attributes derive from
 /// them.
@@ -91,48 +93,27 @@ fn ends(part: &ObjectPart, measures: &Measures, kind: Kind, frames: &Frames, sit
     let found = found.unwrap_or(Ends { bottom: 0, top: 0 });
     // Most objects do not reach below the ground.
     let reaches_below = ground.is_some_and(|ground| found.is_far_below(ground, site.lattice));
-    let lowest = if reaches_below { lowest_ground(measures, frames, site) } else { None };
+    // Ground below a building can be reflections behind panes, as large as rooms.
+    let before_front =
+        if kind.class == BUILDING { lowest_before_front(measures, frames, site) } else { None };
+    let below = || if reaches_below { lowest_ground(measures, frames, site) } else { None };
+    let lowest = before_front.or_else(below);
     match lowest {
         Some(lowest) => found.above_ground(&measures.profile, lowest, site.lattice),
         None => found,
     }
 }
 
-/// Number of terrain cells to each side of one that show whether its ground is a reflection, and the depth
-/// below their median from which it is one, in metres. Chosen: reflections behind panes are some metres wide
-/// and deep, and ground falls less within 5 m of an object.
-const AROUND: i64 = 5;
-const REFLECTED_M: f64 = 2.0;
-
-/// Lattice z of the lowest ground below an object. Reflections may have been classified as ground there: so
-/// cells far below those around them do not count, nor do the lowest 1 in 20. `None` if no cell has ground
-/// within 10 m.
+/// Lattice z of the lowest ground below an object, without the lowest 1 in 20 of the terrain cells:
+/// reflections may have been classified as ground there. `None` if no cell has ground within 10 m.
 fn lowest_ground(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<i64> {
     let level = measures.plan.level;
     let middle = |axis, index| frames.plan.doubled_middle(level, axis, index).div_euclid(2);
     let cells =
         measures.plan.voxels.iter().map(|([i, j, _], _)| site.terrain.cell([middle(0, *i), middle(1, *j)]));
     let cells: BTreeSet<[i64; 2]> = cells.collect();
-    let ground = |cell: [i64; 2]| {
-        let height_m = site.terrain.height_m(site.terrain.middle_of(cell))?;
-        Some((cell, site.lattice.units(height_m)))
-    };
-    without_reflections(cells.into_iter().filter_map(ground).collect(), site.lattice)
-}
-
-/// The lowest of these heights that is no reflection; `None` if there are no heights.
-fn without_reflections(ground: BTreeMap<[i64; 2], i64>, lattice: Lattice) -> Option<i64> {
-    let is_reflected = |[i, j]: [i64; 2], height: i64| {
-        let rows = (i - AROUND..=i + AROUND)
-            .flat_map(|row| ground.range([row, j - AROUND]..=[row, j + AROUND]).map(|(_, height)| *height));
-        let mut around: Vec<i64> = rows.collect();
-        around.sort_unstable();
-        height < around[around.len() / 2] - lattice.units(REFLECTED_M)
-    };
-    let own = ground.iter().filter(|(cell, height)| !is_reflected(**cell, **height));
-    let mut heights: Vec<i64> = own.map(|(_, height)| *height).collect();
-    heights.sort_unstable();
-    heights.get(heights.len() / 20).copied()
+    let heights = cells.into_iter().filter_map(|cell| site.terrain.height_m(site.terrain.middle_of(cell)));
+    lowest_of(heights.map(|height_m| site.lattice.units(height_m)).collect())
 }
 
 #[cfg(test)]
@@ -251,22 +232,6 @@ pub(crate) mod tests {
         let object = Object::new(1, &nothing, &none, NO_KIND, &site);
         assert_eq!(object.centre, [0; 3], "no points, and no division by zero");
         assert!(object.ring().is_empty());
-    }
-
-    #[test]
-    fn the_lowest_ground_of_an_object_is_no_reflection() {
-        // A slope of 8 m along a row of houses 3 m deep, with a patch of reflections that is a tenth of it.
-        let slope = (0..80).flat_map(|i| (0..3).map(move |j| ([i, j], 10_000 - i * 100)));
-        let mut ground: BTreeMap<[i64; 2], i64> = slope.collect();
-        let lowest = |ground: &BTreeMap<[i64; 2], i64>| {
-            without_reflections(ground.clone(), Lattice::MILLIMETRE).unwrap()
-        };
-        assert_eq!(lowest(&ground), 2_500);
-        (40..47).flat_map(|i| (0..3).map(move |j| [i, j])).filter(|[i, j]| i + j > 40).for_each(|cell| {
-            ground.insert(cell, -2_000);
-        });
-        assert!((2_400..2_600).contains(&lowest(&ground)), "{}", lowest(&ground));
-        assert_eq!(without_reflections(BTreeMap::new(), Lattice::MILLIMETRE), None);
     }
 
     #[test]

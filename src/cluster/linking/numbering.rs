@@ -41,8 +41,8 @@ pub(crate) fn number_by_id(names: &[Option<u32>], ids: &[PointId]) -> (Vec<u32>,
 }
 
 /// Numbers sets of points 1, 2, ... in the order of the smallest ids of their points, so that the order of
-/// the points does not matter. Sets without points have [`PointId::BEYOND_ALL`], and get 0. Returns the label of
-/// each set, and the number of labels.
+/// the points does not matter. Sets without points have [`PointId::BEYOND_ALL`], and get 0. Returns the label
+/// of each set, and the number of labels.
 pub(crate) fn number_sets(smallest: Vec<PointId>) -> (Vec<u32>, u32) {
     let mut labels = vec![0_u32; smallest.len()];
     let mut order: Vec<(PointId, usize)> =

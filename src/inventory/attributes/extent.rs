@@ -42,6 +42,7 @@ impl Attribute for Extent {
 mod tests {
     use super::*;
     use crate::inventory::object::tests::{FEET, METRES, NO_KIND, as_decimals, decimals, near, values_of};
+    use crate::model::Kind;
 
     #[test]
     fn reflections_far_below_the_ground_are_not_in_the_box() {
@@ -51,6 +52,20 @@ mod tests {
         let ground: Vec<([i32; 2], i64)> = (0..10).map(|i| ([i, 0], 0)).collect();
         let found = as_decimals(&values_of(&Extent, &points, NO_KIND, &ground, METRES));
         assert!((-1.0..=0.0).contains(&found[2].unwrap()), "{found:?}");
+    }
+
+    #[test]
+    fn ground_that_is_a_reflection_does_not_lower_the_box_of_a_building() {
+        // The axis is y = 5 m, and the wall at y = 12 m. Behind the panes, reflections far below the street
+        // were classified as ground and as parts of the building.
+        let wall = (0..6_000_i64).map(|n| [n % 200 * 100 + 50, 12_050, n / 200 * 200]);
+        let reflections = (0..300).map(|n| [n % 60 * 100 + 6_050, 14_050 + n % 9 * 200, -1_500 - n * 20]);
+        let points: Vec<[i64; 3]> = wall.chain(reflections).collect();
+        let street = (0..20).flat_map(|i| (6..12).map(move |j| ([i, j], 0)));
+        let inside = (0..20).flat_map(|i| (12..17).map(move |j| ([i, j], -6_500)));
+        let ground: Vec<_> = street.chain(inside).collect();
+        let found = as_decimals(&values_of(&Extent, &points, Kind::new(5, 255), &ground, METRES));
+        assert_eq!(found[2], Some(0.0));
     }
 
     #[test]

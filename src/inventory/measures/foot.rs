@@ -130,6 +130,30 @@ impl Foot {
     }
 }
 
+/// Lattice z of the lowest ground before a building, on the side of the axis, without the lowest 1 in 20
+/// metres. `None` if no ground is known there.
+pub(crate) fn lowest_before_front(measures: &Measures, frames: &Frames, site: &Site<'_>) -> Option<i64> {
+    let middle = |axis, index| frames.plan.doubled_middle(measures.plan.level, axis, index).div_euclid(2);
+    let places = measures.plan.voxels.iter().map(|([i, j, _], _)| [middle(0, *i), middle(1, *j)]);
+    let large: BTreeSet<[i64; 2]> = places.map(|place| site.terrain.middle(place)).collect();
+    let mut nearest: BTreeMap<i64, (f64, [i64; 2])> = BTreeMap::new();
+    for place in large {
+        let (metre, offset_m) = front_of(place, site);
+        let found = nearest.entry(metre).or_insert((offset_m, place));
+        if offset_m < found.0 {
+            *found = (offset_m, place);
+        }
+    }
+    let heights = nearest.into_values().filter_map(|(_, place)| ground_before_m(place, site));
+    lowest_of(heights.map(|height_m| site.lattice.units(height_m)).collect())
+}
+
+/// The lowest of some heights, without the lowest 1 in 20. `None` without heights.
+pub(crate) fn lowest_of(mut heights: Vec<i64>) -> Option<i64> {
+    heights.sort_unstable();
+    heights.get(heights.len() / 20).copied()
+}
+
 /// The front of a building: at each metre of chainage, its cell nearest to the axis.
 #[derive(Debug, Default)]
 struct Fronts(BTreeMap<i64, Front>);

@@ -22,7 +22,7 @@ pub(super) use classes::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use crest::crest_m;
 pub(super) use crown::crown;
 pub use face::Face;
-pub(super) use foot::Foot;
+pub(super) use foot::{Foot, lowest_before_front, lowest_of};
 pub use outline::around_cells;
 pub(super) use outline::{Polygon, outline};
 pub(super) use parts::Frames;
