@@ -43,6 +43,8 @@ pub(crate) enum Command {
     /// Show the tiles of a run and estimate its memory and time, or open it for workers (--units)
     Plan(PlanArgs),
     /// Process a drive, or resume an interrupted run
+    // clap would leave out --out, which only --dry-run can do without.
+    #[command(override_usage = "chainage run [OPTIONS] --out <DIRECTORY> <FILES>...")]
     Run(RunArgs),
     /// Show which passes of a run are done, missing or stale, and why
     Status(StatusArgs),
