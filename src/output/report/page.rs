@@ -211,13 +211,25 @@ impl Page<'_> {
 
     /// A sentence about what is shown and what was left out.
     fn sentence(&self, count: usize) -> String {
-        let what = if self.run["result"]["surfaces"] == true { "surface" } else { "object" };
-        let mut text = if count as u64 >= self.all_points {
-            format!("The 3D view shows all {}.", counted(self.all_points, "point"))
+        let result = &self.run["result"];
+        let what = if result["surfaces"] == true { "surface" } else { "object" };
+        let of = |class: &str| result["counts"][class].as_u64().unwrap_or(0);
+        let noise = of("low_noise") + of("high_noise");
+        // The sampler takes no noise.
+        let eligible = self.all_points.saturating_sub(noise);
+        let mut all = counted(eligible, "point");
+        if noise > 0 {
+            all.push_str(if eligible == 1 { " that is not noise" } else { " that are not noise" });
+        }
+        let mut text = if count as u64 >= eligible {
+            format!("The 3D view shows all {all}.")
         } else {
-            let (shown, all) = (separated(count as u64), counted(self.all_points, "point"));
+            let shown = separated(count as u64);
             format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every {what}.")
         };
+        if noise > 0 {
+            text.push_str(&format!(" It leaves out {} of noise.", counted(noise, "point")));
+        }
         let PageTable { shown, all, .. } = *self.table;
         if shown < all {
             let limit = self.limit_bytes as f64 / 1e6;
@@ -387,6 +399,39 @@ mod tests {
         }
         let all = table(20, 1 << 20);
         assert_eq!((all.shown, all.all), (20, 20));
+    }
+
+    #[test]
+    fn the_sentence_counts_noise_as_left_out() {
+        let table = table(1, 1 << 20);
+        let said = |run: Value, count| {
+            let page = Page {
+                cloud: None,
+                title: String::new(),
+                files: String::new(),
+                units: ["m", "m"].map(str::to_owned),
+                axis: Vec::new(),
+                table: &table,
+                points: Vec::new(),
+                all_points: 71_841,
+                run: &run,
+                limit_bytes: 1 << 20,
+            };
+            page.sentence(count)
+        };
+        let counts = |low: u64, high: u64| json!({"low_noise": low, "high_noise": high});
+        let run = |low, high| json!({"result": {"counts": counts(low, high)}});
+        let surfaces = json!({"result": {"surfaces": true, "counts": counts(110, 3)}});
+        assert_eq!(said(run(0, 0), 71_841), "The 3D view shows all 71,841 points.");
+        assert_eq!(
+            said(run(110, 3), 71_728),
+            "The 3D view shows all 71,728 points that are not noise. It leaves out 113 points of noise."
+        );
+        assert_eq!(
+            said(surfaces, 71_724),
+            "The 3D view shows 71,724 of 71,728 points that are not noise: at most one of a voxel, and some of \
+             every surface. It leaves out 113 points of noise."
+        );
     }
 
     #[test]

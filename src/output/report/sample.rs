@@ -2,8 +2,8 @@
 //!
 //! The hash of the index of a voxel decides whether the voxel is kept, so the choice does not depend on
 //! tiles, threads or the order of the records. In a kept voxel, the point nearest to its centre is shown. The
-//! first point of every object is always kept. Units of the drive collect candidates with bounded memory, and
-//! [`Choice`] takes the best of all units.
+//! first point of every object is always kept, beside the points of the voxels. Units of the drive collect
+//! candidates with bounded memory, and [`Choice`] takes the best of all units.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -281,9 +281,8 @@ impl<'a> Sampler<'a> {
         let Some(place) = self.sampling.place(point) else { return };
         let mut sample = SamplePoint { rank: 0, key, apart, intensity, place };
         if first {
+            // Not for its voxel, too: the point would be shown twice, because the ranks differ.
             self.found.push(sample);
-        }
-        if rank >= self.limit {
             return;
         }
         #[expect(clippy::cast_possible_truncation, reason = "below the limit, which is below 2^32")]
@@ -440,9 +439,10 @@ mod tests {
             let kept = |key| chosen.iter().any(|sample| sample.key == key);
             assert!((2..6).all(kept), "budget {budget}");
         }
-        // Small objects are denser than large ones: all ten points of the smallest.
+        // Small objects are denser than large ones: all ten points of the smallest, each once.
         let few = chosen(&seen, 4_000, 10_000);
-        assert_eq!(few.iter().filter(|sample| sample.key == 5 && sample.rank > 0).count(), 10);
+        assert_eq!(few.iter().filter(|sample| sample.key == 5).count(), 10);
+        assert_eq!(few.iter().filter(|sample| sample.key == 5 && sample.rank == 0).count(), 1);
     }
 
     #[test]
@@ -453,6 +453,10 @@ mod tests {
             chosen.iter().map(|sample| (sample.key, sample.place)).collect();
         // Points within one centimetre are the same on the page.
         assert!(shown.len() > 2_900, "{}", shown.len());
+        // No point is there twice, and the first points of the objects, which their numbers choose, neither.
+        let places: std::collections::BTreeSet<_> =
+            seen.points.iter().map(|point| (point.3, point.1)).collect();
+        assert_eq!((places.len(), chosen.len()), (3_000, 3_000));
     }
 
     #[test]

@@ -32,6 +32,8 @@ use crate::whole_file::{sync_each, sync_folder};
 
 const NUMBER: u32 = 7;
 const NAME: &str = "export";
+/// Which points of a unit are sampled. 2: the first point of an object is there once.
+const SAMPLE_EPOCH: u32 = 2;
 
 /// Maximum number of points of one unit.
 pub(crate) const UNIT_POINTS: u64 = 1_000_000;
@@ -89,7 +91,8 @@ pub(crate) struct ExportPass<'a> {
 pub(crate) fn outline(relabel: &Outline, inventory: &Outline, config: &Config) -> Outline {
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
-        .with("pass inventory", inventory.depends.fingerprint());
+        .with("pass inventory", inventory.depends.fingerprint())
+        .with("sample epoch", SAMPLE_EPOCH);
     Outline::new(NUMBER, NAME, with_section(depends, config, "output"))
 }
 
