@@ -33,6 +33,21 @@ pub struct Column {
 }
 
 impl Column {
+    /// The definition without the marks of code that the documentation has, for files that show it as plain
+    /// text.
+    ///
+    /// ```
+    /// use chainage::model::{Column, ColumnType, ColumnUnit};
+    ///
+    /// let (column_type, unit) = (ColumnType::Count, ColumnUnit::None);
+    /// let column = Column { name: "id", column_type, unit, definition: "as `cluster_id` of the points" };
+    /// assert_eq!(column.plain_definition(), "as cluster_id of the points");
+    /// ```
+    #[must_use]
+    pub fn plain_definition(&self) -> String {
+        self.definition.replace('`', "")
+    }
+
     /// Whether the column can hold the value. Every column can hold a missing one.
     #[must_use]
     pub fn holds(&self, value: &Value<'_>) -> bool {

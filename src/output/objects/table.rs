@@ -99,7 +99,7 @@ pub(crate) mod tests {
     use crate::model::{ColumnType, ColumnUnit};
 
     const fn column(name: &'static str, column_type: ColumnType) -> Column {
-        Column { name, column_type, unit: ColumnUnit::None, definition: "" }
+        Column { name, column_type, unit: ColumnUnit::None, definition: "as `x` of the points" }
     }
 
     /// A column of each type, and numbers with different places.

@@ -91,7 +91,7 @@ fn described(column: &Column) -> serde_json::Value {
         "type": kind,
         "unit": column.unit.label(),
         "places": places(column.column_type),
-        "definition": column.definition,
+        "definition": column.plain_definition(),
     })
 }
 
@@ -148,6 +148,8 @@ mod tests {
         assert_eq!(found["values"][3], json!(["car, \"red\"", "none"]));
         assert_eq!(found["values"][4][0], json!(["a.las", "b, \"c\".laz"]));
         assert_eq!(found["columns"][2]["places"], 1);
+        // The marks of code are for the documentation.
+        assert_eq!(found["columns"][0]["definition"], "as x of the points");
         assert_eq!(found["outlines"][0], json!([0, 0, 4, 0, 4, 2]));
         let none = json_of(&[]);
         assert_eq!((&none["values"], &none["outlines"]), (&json!([[], [], [], [], []]), &json!([])));

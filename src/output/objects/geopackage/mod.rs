@@ -266,6 +266,13 @@ mod tests {
              Text(\"axis\") Text(\"LINESTRING\") Integer(100000) Integer(0) Integer(1)\n\
              Text(\"tiles\") Text(\"POLYGON\") Integer(100000) Integer(0) Integer(0)"
         );
+        // The marks of code are for the documentation.
+        assert_eq!(
+            text(
+                "SELECT description FROM gpkg_data_columns WHERE table_name = 'objects' AND column_name = 'id'"
+            ),
+            "Text(\"as x of the points\")"
+        );
         assert_eq!(text("SELECT count(*) FROM layer_styles WHERE useAsDefault = 1"), "Integer(4)");
         assert_eq!(text("PRAGMA integrity_check"), "Text(\"ok\")");
         assert_eq!(text("PRAGMA foreign_key_check"), "");

@@ -140,11 +140,12 @@ impl Layer<'_> {
             "INSERT INTO gpkg_data_columns (table_name, column_name, description) VALUES (?, ?, ?)";
         let mut describe = database.prepare(describe)?;
         for column in self.columns {
-            let text = match column.unit {
-                ColumnUnit::None => column.definition.to_owned(),
-                ColumnUnit::Input => format!("{} (unit of the coordinates)", column.definition),
-                unit => format!("{} ({})", column.definition, unit.label()),
-            };
+            let mut text = column.plain_definition();
+            match column.unit {
+                ColumnUnit::None => {}
+                ColumnUnit::Input => text.push_str(" (unit of the coordinates)"),
+                unit => text.push_str(&format!(" ({})", unit.label())),
+            }
             describe.execute(params![name, column.name, text])?;
         }
         Ok(())
