@@ -28,6 +28,33 @@ pub fn separated(number: u64) -> String {
     text
 }
 
+/// A share in per cent, as the command line and the page show it: with one decimal, or with two digits below
+/// one per cent, so that a small share is not nothing. `percent` in `run.js` has the same rule.
+///
+/// ```
+/// use chainage::words::percent;
+///
+/// assert_eq!(percent(1, 3), "33.3 %");
+/// assert_eq!(percent(163, 100_000), "0.16 %");
+/// assert_eq!(percent(4, 10_000), "0.04 %");
+/// assert_eq!(percent(0, 9), "0 %");
+/// ```
+#[must_use]
+pub fn percent(part: u64, all: u64) -> String {
+    let share = 100.0 * part as f64 / all.max(1) as f64;
+    if part == 0 {
+        return "0 %".to_owned();
+    }
+    // Steps to the second digit, counted without a logarithm, which differs between machines.
+    let (mut steps_per_percent, mut first_digits) = (10.0, share);
+    while first_digits < 1.0 {
+        first_digits *= 10.0;
+        steps_per_percent *= 10.0;
+    }
+    let rounded = (share * steps_per_percent).round() / steps_per_percent;
+    if share < 1.0 { format!("{rounded} %") } else { format!("{rounded:.1} %") }
+}
+
 /// A number with `places` decimals, or with an exponent from 1e15 on, because nobody reads hundreds of
 /// digits.
 ///

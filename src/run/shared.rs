@@ -128,7 +128,8 @@ pub fn work(
         return Ok(figures);
     }
     let pass_name = driver.named().unwrap_or(EXPORT);
-    let nothing = PassFigures { pass: pass_name, units: 0, resumed: 0, points: 0, seconds: 0.0 };
+    let title = pass.to_owned();
+    let nothing = PassFigures { pass: pass_name, title, units: 0, resumed: 0, points: 0, seconds: 0.0 };
     match walked {
         // Every output is complete, so this unit has been computed as well.
         Ok(Some((_, outcome))) if outcome.unmarked.is_none() => Ok(nothing),

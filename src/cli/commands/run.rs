@@ -8,6 +8,7 @@ use chainage::output::objects;
 use chainage::run::{
     CancelToken, Registries, RunRequest, RunSummary, is_output, memory_budget, plan_of, run,
 };
+use chainage::words::percent;
 
 use crate::allocator;
 use crate::cli::commands::plan;
@@ -164,7 +165,7 @@ pub(super) fn process(
 
 /// The result of a run, for a person.
 pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> String {
-    let share = |part: u64| 100.0 * part as f64 / summary.points.max(1) as f64;
+    let share = |part: u64| percent(part, summary.points);
     let counts = &summary.counts;
     let mut text = format!(
         "  {}, {}, {}\n",
@@ -177,10 +178,10 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
     }
     let withheld = match counts.withheld {
         0 => String::new(),
-        points => format!(", withheld {:.2} %", share(points)),
+        points => format!(", withheld {}", share(points)),
     };
     text.push_str(&format!(
-        "  ground {:.1} %, noise {:.2} %, above the ground {:.1} %{withheld}\n",
+        "  ground {}, noise {}, above the ground {}{withheld}\n",
         share(counts.ground),
         share(counts.low_noise + counts.high_noise),
         share(counts.object)

@@ -239,7 +239,9 @@ impl Driver for Barrier<'_> {
             let asked = self.after.unwrap_or_default().to_owned();
             return Err(RunError::NotReduced { pass: title, asked }.into());
         }
-        self.figures.push(PassFigures { pass: outline.name, units, resumed: units, points: 0, seconds: 0.0 });
+        let (pass_name, title) = (outline.name, outline.title());
+        let resumed = units;
+        self.figures.push(PassFigures { pass: pass_name, title, units, resumed, points: 0, seconds: 0.0 });
         pass.reduce(&Payloads::Stored(dir)).map(Some)
     }
 

@@ -47,6 +47,8 @@ pub(crate) struct Keeper<'a> {
 pub struct PassFigures {
     /// Name of the pass.
     pub pass: &'static str,
+    /// Its name with its round, as in the state of a run.
+    pub title: String,
     /// Number of units.
     pub units: usize,
     /// Number of units that were finished earlier.
@@ -89,7 +91,9 @@ impl Keeper<'_> {
             return Err(error);
         }
         self.tell(&Event::PassFinished { pass: name, seconds });
-        Ok(PassFigures { pass: name, units: total, resumed: done, points: points - points_done, seconds })
+        let title = pass.outline().title();
+        let points = points - points_done;
+        Ok(PassFigures { pass: name, title, units: total, resumed: done, points, seconds })
     }
 
     /// Hands units to workers until all are done, one fails fatally, or the run is cancelled.

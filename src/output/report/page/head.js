@@ -11,16 +11,18 @@ function sectionWords({ section }) {
   return section ? `${shown(section.from_m, 0)} to ${shown(section.to_m, 0)} m of ${shown(section.length_m, 0)} m` : null;
 }
 
+/** The length of an axis in words, the same wherever it is named. */
+function lengthWords(metres) { return metres < 1000 ? `${shown(metres, 0)} m` : `${shown(metres / 1000, 2)} km`; }
+
 function fillHead(page, run) {
   const { result, axis } = run, section = sectionWords(result);
   $("title").textContent = $("title").title = page.title;
   const coordinates = UNITS.every((unit) => unit === "m") ? null : `coordinates in ${unitWords()}`;
   const words = [page.files, section && `chainage ${section}`, run.crs.description && `coordinate system ${run.crs.description}`, coordinates, run.program];
   $("subtitle").textContent = $("subtitle").title = words.filter(Boolean).join(" · ");
-  const length = axis.length_m < 1000 ? `${shown(axis.length_m, 0)} m` : `${shown(axis.length_m / 1000, 2)} km`;
   const call = resumed(result).before ? ", last call" : "";
   const figures = [
-    section ? ["Chainage", section, ""] : ["Length", length, ""], ["Points", shown(result.points), ""], [capital(THINGS.many), shown(result.objects), ""],
+    section ? ["Chainage", section, ""] : ["Length", lengthWords(axis.length_m), ""], ["Points", shown(result.points), ""], [capital(THINGS.many), shown(result.objects), ""],
     [`Time${call}`, seconds(result.seconds), ""], [`Memory${call}`, result.peak_resident_bytes ? mebibytes(result.peak_resident_bytes) : "", "extra"],
   ];
   $("figures").replaceChildren(...figures.filter(([, value]) => value).map(([name, value, kind]) => el("div", { class: kind || null }, el("dt", {}, name), el("dd", {}, value))));
@@ -68,20 +70,26 @@ function bindSkip(show) {
   });
 }
 
-/** Binds the button for light and dark. `changed` gets the theme: its name and colours (shares of red, green, blue). */
+/**
+ * Binds the button for light and dark, and lets printed pages be light. `changed` gets the theme: its name and colours
+ * (shares of red, green, blue).
+ */
 function bindTheme(changed) {
   const system = matchMedia("(prefers-color-scheme: dark)");
-  let isDark = system.matches;
+  let isDark = system.matches, isPrinting = false;
   const apply = (dark) => {
-    isDark = dark;
     document.documentElement.dataset.theme = dark ? "dark" : "light";
     const style = getComputedStyle(document.documentElement);
     const part = (name) => rgb(style.getPropertyValue(name).trim()).map((value) => value / 255);
     changed({ name: dark ? "dark" : "light", sky: part("--sky"), haze: part("--haze"), accent: part("--accent") });
   };
+  const choose = (dark) => apply((isDark = dark));
   apply(isDark);
-  system.addEventListener("change", (event) => apply(event.matches));
-  $("theme").addEventListener("click", () => apply(!isDark));
+  // A browser may print as a light system does. That is no choice.
+  system.addEventListener("change", (event) => { if (!isPrinting) choose(event.matches); });
+  $("theme").addEventListener("click", () => choose(!isDark));
+  addEventListener("beforeprint", () => { isPrinting = true; apply(false); });
+  addEventListener("afterprint", () => { isPrinting = false; apply(isDark); });
 }
 
 /** Lets the view and the plan be folded away, where they would leave a phone little room for the table. */
