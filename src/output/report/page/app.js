@@ -34,7 +34,7 @@ class App {
     fillRun($("run-panel"), this.run, this.page);
     const data = JSON.parse(new TextDecoder().decode(await inflated("data-table")));
     this.outlines = data.outlines;
-    this.axis = new Axis(this.page.axis, this.run.result.section);
+    this.axis = new Axis(this.page.axis, this.run.result.section, this.run.axis.length_m);
     this.table = new ObjectTable(data, this.classes, { choose: (row) => { this.unfold(false); this.choose(row, true); }, filtered: (rows) => this.filtered(rows), isHidden: (code) => this.legend?.hidden.has(code) ?? false, showAll: () => this.legend.showAll() });
     this.rowOf = new Map(this.table.values.length ? this.table.values[0].map((id, row) => [id, row]) : []);
     fillStatistics($("classes-panel"), this.table);
@@ -49,11 +49,15 @@ class App {
     }
     this.legend = new Legend(this.table, this.classified, Boolean(this.scene), { recoloured: () => this.recolour(), switched: () => this.table.update() });
     this.bind();
+    this.bindCard();
     this.recolour();
+    // The legend is filled: it takes a part of the view.
+    if (this.scene) this.camera.take(this.poses.first());
     const sizes = new ResizeObserver(() => { this.plan.draw(); this.render(); });
     for (const id of ["view", "plan"]) sizes.observe($(id));
     this.followLink();
     addEventListener("hashchange", () => this.followLink());
+    this.bindPrint();
     document.documentElement.dataset.ready = "true";
     if (this.scene) await this.startStream();
   }
@@ -68,7 +72,6 @@ class App {
     this.poses = new Poses(points, this.ground, this.axis, this.plan, this.camera, $("scene"));
     $("scene-message").hidden = points.count > 0;
     if (points.count === 0) $("scene-message").textContent = "The drive has no points to show.";
-    this.camera.take(this.poses.first());
   }
 
   /** The plan takes the place of the 3D view; controls that need the view go. */
@@ -76,7 +79,6 @@ class App {
     this.scene = null;
     this.camera = null;
     document.documentElement.dataset.scene = "none";
-    $("plan").parentElement.append($("card"));
     $("scene-message").textContent = `There is no 3D view: ${error.message}. Everything else works: the plan, the table, the statistics.`;
     this.plan.fit();
     $("scene-message").hidden = false;
@@ -195,21 +197,41 @@ class App {
   render(moving = false) {
     if (!this.scene) return;
     this.wanted = { moving: moving || (this.wanted?.moving ?? false) };
-    if (this.frame) return;
-    this.frame = requestAnimationFrame(() => {
-      this.frame = null;
-      const { moving: fast } = this.wanted;
-      this.wanted = null;
-      this.scene.chosen = this.chosen >= 0 ? this.table.id(this.chosen) + 1 : 0;
-      this.showDetail();
-      this.scene.draw(this.camera, this.theme, this.chosenBox(), fast);
-      this.placeTag();
-      const [x, y] = this.camera.eye();
-      this.plan.eye = { x, y, yaw: this.camera.yaw };
-      clearTimeout(this.still);
-      if (fast) this.still = setTimeout(() => this.render(), 160);
-      // Thousands of outlines would slow the drive down: then the plan follows when the eye rests.
-      if (!fast || this.table.count < FEW_OUTLINES) this.plan.draw();
+    this.frame ??= requestAnimationFrame(() => this.drawNow(this.wanted.moving));
+  }
+
+  /** Draws at once; fewer points if it has to be fast. */
+  drawNow(fast) {
+    cancelAnimationFrame(this.frame);
+    this.frame = this.wanted = null;
+    this.scene.chosen = this.chosen >= 0 ? this.table.id(this.chosen) + 1 : 0;
+    this.showDetail();
+    this.scene.draw(this.camera, this.theme, this.chosenBox(), fast);
+    this.placeTag();
+    const [x, y] = this.camera.eye();
+    this.plan.eye = { x, y, yaw: this.camera.yaw };
+    clearTimeout(this.still);
+    if (fast) this.still = setTimeout(() => this.render(), 160);
+    // Thousands of outlines would slow the drive down: then the plan follows when the eye rests.
+    if (!fast || this.table.count < FEW_OUTLINES) this.plan.draw();
+  }
+
+  /**
+   * A printed page has all rows and all settings. It is printed before the next frame, so the view is drawn at once.
+   * The theme has its own listener, which comes first.
+   */
+  bindPrint() {
+    let closed = [];
+    addEventListener("beforeprint", () => {
+      closed = [...document.querySelectorAll("details:not([open])")];
+      for (const details of closed) details.open = true;
+      this.table.print(true);
+      if (this.scene) this.drawNow(false);
+    });
+    addEventListener("afterprint", () => {
+      for (const details of closed) details.open = false;
+      this.table.print(false);
+      this.render();
     });
   }
 
@@ -225,17 +247,15 @@ class App {
   }
 
   placeTag() {
-    const box = this.boxes?.[this.chosen], tag = $("tag"), canvas = $("scene");
-    const place = box && this.camera.project([(box[0] + box[3]) / 2, (box[1] + box[4]) / 2, box[5] + 0.3], canvas.clientWidth, canvas.clientHeight);
-    tag.hidden = !place || place[0] < 0 || place[1] < 0 || place[0] > canvas.clientWidth || place[1] > canvas.clientHeight;
+    const box = this.boxes?.[this.chosen], tag = $("tag"), { clientWidth: width, clientHeight: height } = $("scene");
+    const place = box && this.camera.project([(box[0] + box[3]) / 2, (box[1] + box[4]) / 2, box[5] + 0.3], width, height);
+    tag.hidden = !place || place[0] < 0 || place[1] < 0 || place[0] > width || place[1] > height;
     if (tag.hidden) return;
-    tag.textContent = this.nameOf(this.chosen);
-    tag.style.transform = `translate(${place[0]}px, ${place[1]}px) translate(-50%, -130%)`;
-  }
-
-  nameOf(row) {
-    const code = this.classOf(row);
-    return `${code ? className(this.classes, code) : THINGS.one} ${this.table.id(row)}`;
+    tag.textContent = this.table.nameOf(this.chosen);
+    // Within the view and below the controls.
+    const half = tag.offsetWidth / 2 + 4, least = $("controls").getBoundingClientRect().bottom - $("scene").getBoundingClientRect().top + 4;
+    const x = Math.min(width - half, Math.max(half, place[0])), y = Math.max(least, place[1] - 1.3 * tag.offsetHeight);
+    tag.style.transform = `translate(${x}px, ${y}px) translate(-50%, 0)`;
   }
 
   choose(row, fly = false) {
@@ -244,7 +264,7 @@ class App {
     card.hidden = row < 0;
     if (row >= 0) {
       const { table } = this;
-      const title = el("h2", {}, this.nameOf(row));
+      const title = el("h2", {}, table.nameOf(row));
       const close = el("button", { type: "button", class: "icon", "aria-label": "Close", onclick: () => this.choose(-1) }, "×");
       const values = table.order.flatMap((at) => {
         const column = table.columns[at], text = table.text(at, row);
@@ -375,6 +395,13 @@ class App {
       else this.choose(-1);
     });
     if (this.scene) this.bindScene();
+  }
+
+  /** The card is on the view, or on the plan if there is no view. On a phone, both are too low for it alone. */
+  bindCard() {
+    const narrow = matchMedia(NARROW), place = () => (narrow.matches ? document.querySelector(".stage") : $(this.scene ? "view" : "plan").closest(".view, .plan")).append($("card"));
+    place();
+    narrow.addEventListener("change", () => { place(); this.plan.fit(); this.plan.draw(); });
   }
 
   bindScene() {

@@ -14,6 +14,9 @@ function el(tag, attributes = {}, ...children) {
   return node;
 }
 
+/** A narrow page, as style.css has it. */
+const NARROW = "(max-width: 900px)";
+
 const json = (id) => JSON.parse($(id).textContent);
 
 /** What the drive was divided into, in words. */
@@ -125,11 +128,14 @@ class Ground {
 
 /** The axis: stretches of vertices with their chainage. */
 class Axis {
-  /** With a section, its ends: the vertices of the axis rarely lie on them. */
-  constructor(stretches, section) {
+  /**
+   * With a section, its ends: the vertices of the axis rarely lie on them. `length` is that of the whole axis in
+   * metres.
+   */
+  constructor(stretches, section, length) {
     this.stretches = stretches.filter((stretch) => stretch.s.length > 0);
     this.from = section?.from_m ?? (this.stretches.length ? this.stretches[0].s[0] : 0);
-    this.to = section?.to_m ?? (this.stretches.length ? this.stretches.at(-1).s.at(-1) : 1);
+    this.to = section?.to_m ?? (this.stretches.length ? length : 1);
   }
 
   /** Place and heading (radians from the east) at a chainage. */

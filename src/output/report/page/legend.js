@@ -32,7 +32,7 @@ class Legend {
       const bar = el("i");
       bar.style.background = `linear-gradient(90deg, ${(mode === "height" ? HEIGHT_RAMP : INTENSITY_RAMP[theme]).join(", ")})`;
       parts.push(el("span", { class: "ramp" }, mode === "height" ? "ground" : "low", bar, mode === "height" ? `${HIGHEST_M} m over it` : "high"));
-    } else if (mode === "object") {
+    } else if (mode === "object" && this.table.count > 0) {
       const many = dot("");
       many.style.background = `conic-gradient(${[0, 1, 2, 3, 4, 5].map((number) => hueColour(3 * number)).join(", ")})`;
       parts.push(el("span", { class: "ramp" }, many, `a colour for each ${THINGS.one}`));
@@ -40,7 +40,7 @@ class Legend {
     for (const code of [...this.count.keys()].sort((a, b) => a - b)) parts.push(this.switchFor(code, mode === "class" ? classColour(code) : null, className(this.table.classes, code), this.count.get(code)));
     if (this.points) {
       const plain = mode === "object" || mode === "class";
-      parts.push(this.switchFor("ground", plain ? GROUND_COLOUR[theme] : null, "ground"), this.switchFor("loose", plain ? LOOSE_COLOUR[theme] : null, `no ${THINGS.one}`));
+      parts.push(this.switchFor("ground", plain ? GROUND_COLOUR[theme] : null, "ground"), this.switchFor("loose", plain ? LOOSE_COLOUR[theme] : null, this.table.count ? `no ${THINGS.one}` : "above the ground"));
     }
     this.all = el("button", { type: "button", class: "all", id: "show-all", onclick: () => { this.showAll(); $("legend").querySelector("[aria-pressed]").focus(); } }, "Show all");
     $("legend").replaceChildren(...parts, this.all);

@@ -2,6 +2,11 @@
 
 /** So many objects say better than the axis where the street is. */
 const MANY = 12;
+/**
+ * Pixels that a narrow plan leaves to the scale bar, the arrow and the buttons: a strip below it, or columns beside it.
+ * The one with the larger scale is taken. A wide plan has room for them.
+ */
+const MARGINS = { wide: { left: 0, right: 0, below: 0 }, strip: { left: 0, right: 0, below: 34 }, columns: { left: 70, right: 56, below: 0 } };
 
 class Plan {
   constructor(canvas, axis, outlines, tiles, on) {
@@ -54,7 +59,8 @@ class Plan {
   /** The place on the canvas of a place in metres. */
   place(x, y) {
     const [u, v] = this.turned(x, y);
-    return [this.width / 2 + (u - this.centre[0]) * this.scale, this.height / 2 - (v - this.centre[1]) * this.scale];
+    const [x0, y0] = this.middle();
+    return [x0 + (u - this.centre[0]) * this.scale, y0 - (v - this.centre[1]) * this.scale];
   }
 
   fit() {
@@ -65,16 +71,19 @@ class Plan {
     for (const outline of this.outlines) for (let at = 0; at < outline.length; at += 2) [seen, objects].forEach((all) => see(all, outline[at], outline[at + 1]));
     if (seen.low[0] > seen.high[0]) { seen.low.fill(-10); seen.high.fill(10); }
     // A narrow page has no room for an axis across the objects, as that of a single sweep may be.
-    const narrow = matchMedia("(max-width: 900px)").matches && this.boxes.length >= MANY;
-    if (narrow) [seen.low[1], seen.high[1]] = [objects.low[1], objects.high[1]];
+    const narrow = matchMedia(NARROW).matches;
+    if (narrow && this.boxes.length >= MANY) [seen.low[1], seen.high[1]] = [objects.low[1], objects.high[1]];
     this.centre = [0, 1].map((k) => (seen.low[k] + seen.high[k]) / 2);
     const [along, across] = [0, 1].map((k) => Math.max(5, seen.high[k] - seen.low[k]));
-    const [left, above] = narrow ? [36, 24] : [60, 44];
     // On a narrow page, the plan gets the height with which it fills the width.
+    const [aside, above] = narrow ? [30, 30] : [60, 44];
     this.size();
-    this.canvas.closest(".stage").style.setProperty("--plan", `${Math.ceil(((this.width - left) * across) / along + above)}px`);
+    this.canvas.closest(".stage").style.setProperty("--plan", `${Math.ceil(((this.width - aside) * across) / along + above + MARGINS.strip.below)}px`);
     this.size();
-    this.scale = Math.min((this.width - left) / along, (this.height - above) / across);
+    const scale = ({ left, right, below }) => Math.min((this.width - left - right - aside) / along, (this.height - below - above) / across);
+    this.margins = narrow ? (scale(MARGINS.columns) > scale(MARGINS.strip) ? MARGINS.columns : MARGINS.strip) : MARGINS.wide;
+    this.canvas.parentElement.dataset.margins = this.margins === MARGINS.columns ? "columns" : "";
+    this.scale = scale(this.margins);
     this.along = along;
     this.least = this.scale / 2;
   }
@@ -84,14 +93,20 @@ class Plan {
     this.height = Math.max(1, this.canvas.clientHeight);
   }
 
+  /** The middle of what the margins leave of the canvas. */
+  middle() {
+    const { left, right, below } = this.margins;
+    return [(left + this.width - right) / 2, (this.height - below) / 2];
+  }
+
   shift(dx, dy) {
     this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
     this.draw();
   }
 
-  zoom(factor, x = this.width / 2, y = this.height / 2) {
+  zoom(factor, x = this.middle()[0], y = this.middle()[1]) {
     const scale = Math.min(200, Math.max(this.least, this.scale * factor));
-    const dx = x - this.width / 2, dy = this.height / 2 - y;
+    const [x0, y0] = this.middle(), dx = x - x0, dy = y0 - y;
     this.centre = [this.centre[0] + dx / this.scale - dx / scale, this.centre[1] + dy / this.scale - dy / scale];
     this.scale = scale;
     this.draw();
@@ -99,8 +114,9 @@ class Plan {
 
   /** Moves the plan if a place is not on it. */
   show(x, y) {
-    const [px, py] = this.place(x, y);
-    if (px < 20 || py < 20 || px > this.width - 20 || py > this.height - 20) this.centre = this.turned(x, y);
+    const [px, py] = this.place(x, y), { left, right, below } = this.margins;
+    const edge = Math.min(20, (this.height - below) / 10);
+    if (px < left + edge || py < edge || px > this.width - right - edge || py > this.height - below - edge) this.centre = this.turned(x, y);
   }
 
   click(x, y) {
@@ -197,8 +213,8 @@ class Plan {
       // Beside the axis, on its upper side, and within the plan.
       const along = heading + this.angle, text = `${shown(s)} m`, half = pen.measureText(text).width / 2;
       const up = Math.cos(along) < 0 ? -1 : 1, aside = 13 + Math.abs(Math.sin(along)) * (half - 4);
-      const tx = Math.min(this.width - half - 4, Math.max(half + 4, px - up * Math.sin(along) * aside));
-      const ty = Math.min(this.height - 5, Math.max(12, py - up * Math.cos(along) * aside + 4));
+      const tx = Math.min(this.width - this.margins.right - half - 4, Math.max(this.margins.left + half + 4, px - up * Math.sin(along) * aside));
+      const ty = Math.min(this.height - this.margins.below - 5, Math.max(12, py - up * Math.cos(along) * aside + 4));
       pen.textAlign = "center";
       pen.lineWidth = 3.5;
       pen.strokeStyle = card;
@@ -232,8 +248,14 @@ class Plan {
   }
 
   drawScale(pen, ink, card) {
-    // At most half as long as the street.
-    const metres = this.bar = Math.min(niceStep(60 / this.scale), niceStep(this.along / 5)), length = metres * this.scale, x = 14, y = this.height - 14;
+    const { left, right, below } = this.margins, isColumn = left > 0;
+    pen.fillStyle = card;
+    pen.fillRect(0, 0, left, this.height);
+    pen.fillRect(this.width - right, 0, right, this.height);
+    pen.fillRect(0, this.height - below, this.width, below);
+    // At most half as long as the street. In a column, half as long, with its text above it.
+    const metres = this.bar = Math.min(niceStep((isColumn ? 20 : 60) / this.scale), niceStep(this.along / 5)), length = metres * this.scale;
+    const x = isColumn ? 10 : 14, y = this.height - 14, [tx, ty] = isColumn ? [x, y - 9] : [x + length + 6, y];
     pen.strokeStyle = ink;
     pen.fillStyle = ink;
     pen.lineWidth = 1.6;
@@ -243,19 +265,28 @@ class Plan {
     pen.textAlign = "left";
     pen.lineWidth = 3.5;
     pen.strokeStyle = card;
-    pen.strokeText(`${shown(metres)} m`, x + length + 6, y);
-    pen.fillText(`${shown(metres)} m`, x + length + 6, y);
+    pen.strokeText(`${shown(metres)} m`, tx, ty);
+    pen.fillText(`${shown(metres)} m`, tx, ty);
+    this.drawNorth(pen, below > 0);
+  }
+
+  /** The arrow to the north: in a corner, or in the strip beside the buttons. */
+  drawNorth(pen, inStrip) {
+    const buttons = this.canvas.parentElement.querySelector(".buttons");
+    const [x, y, size] = inStrip ? [this.width - buttons.offsetWidth - 30, this.height - this.margins.below / 2, 0.7] : [30, 34, 1];
     pen.save();
-    pen.translate(30, 34);
+    pen.translate(x, y);
     pen.rotate(-this.angle);
+    pen.scale(size, size);
     pen.beginPath();
     pen.moveTo(0, -13); pen.lineTo(5.5, 8); pen.lineTo(0, 4.5); pen.lineTo(-5.5, 8);
     pen.closePath();
     pen.fill();
     pen.restore();
-    // The letter stays upright beside the tip of the arrow.
+    // The letter stays upright: beside the tip of the arrow, or in a low strip beside the arrow.
     pen.textAlign = "center";
-    pen.fillText("N", 30 - 20 * Math.sin(this.angle), 38 - 20 * Math.cos(this.angle));
+    if (inStrip) pen.fillText("N", x - 16, y + 4);
+    else pen.fillText("N", x - 20 * Math.sin(this.angle), y + 4 - 20 * Math.cos(this.angle));
   }
 }
 

@@ -8,7 +8,7 @@ function isText({ type }) { return type !== "count" && type !== "decimal"; }
 class ObjectTable {
   /** `columns` have name, type, unit, places, definition; `values` is an array per column. */
   constructor(data, classes, on) {
-    Object.assign(this, { ...data, classes, on, chosen: -1, page: 0, sorted: 0, descending: false });
+    Object.assign(this, { ...data, classes, on, chosen: -1, page: 0, pageRows: PAGE_ROWS, sorted: 0, descending: false });
     this.count = this.values.length ? this.values[0].length : 0;
     this.rows = Array.from({ length: this.count }, (_, row) => row);
     this.ids = new Set((this.values[0] ?? []).map(String));
@@ -38,6 +38,12 @@ class ObjectTable {
   }
 
   id(row) { return this.values[0][row]; }
+
+  /** The name of an object on the page: its class, if it has one, and its id. */
+  nameOf(row) {
+    const code = this.codeOf(row);
+    return `${code ? className(this.classes, code) : THINGS.one} ${this.id(row)}`;
+  }
 
   /** A value as text with the digits of the other files; empty where it is missing. */
   text(column, row) {
@@ -70,7 +76,7 @@ class ObjectTable {
         parts.push(el("label", {}, text, this.filter[name]));
       }
     }
-    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: codes.some((code) => code !== 0) ? "id, class, file" : "id, file", title: "A whole number finds the id. Other words find the beginning of a uid, and parts of the names of classes and files." });
+    this.filter.text = el("input", { type: "search", oninput: changed, id: "filter-text", placeholder: codes.some((code) => code !== 0) ? "id, class, file" : "id, file", title: "A whole number finds the id. A class with a number finds that object. Other words find the beginning of a uid, and parts of the names of classes and files." });
     parts.push(el("label", {}, "Find", this.filter.text));
     parts.push(el("button", { type: "button", class: "plain", id: "csv", onclick: () => this.download() }, "Download CSV"));
     $("filters").replaceChildren(...parts);
@@ -105,7 +111,7 @@ class ObjectTable {
     const station = this.chainageColumn >= 0 ? this.values[this.chainageColumn][row] : null;
     if (from?.value && !(station >= Number(from.value))) return false;
     if (to?.value && !(station <= Number(to.value))) return false;
-    return this.matches(row, text.value.trim().toLowerCase());
+    return this.matches(row, text.value.trim().replace(/\s+/g, " ").toLowerCase());
   }
 
   /**
@@ -115,6 +121,7 @@ class ObjectTable {
   matches(row, wanted) {
     if (!wanted) return true;
     if (this.ids.has(wanted)) return String(this.id(row)) === wanted;
+    if (this.nameOf(row).toLowerCase() === wanted) return true;
     if (this.classColumn >= 0 && this.codeOf(row) !== 0 && className(this.classes, this.codeOf(row)).toLowerCase().includes(wanted)) return true;
     return this.columns.some(({ type }, at) => {
       if (type === "text") return !/^\d+$/.test(wanted) && this.text(at, row).toLowerCase().startsWith(wanted);
@@ -139,9 +146,9 @@ class ObjectTable {
   }
 
   show() {
-    const pages = Math.max(1, Math.ceil(this.rows.length / PAGE_ROWS));
+    const pages = Math.max(1, Math.ceil(this.rows.length / this.pageRows));
     this.page = Math.min(this.page, pages - 1);
-    const first = this.page * PAGE_ROWS, rows = this.rows.slice(first, first + PAGE_ROWS);
+    const first = this.page * this.pageRows, rows = this.rows.slice(first, first + this.pageRows);
     [...$("table").tHead.rows[0].cells].forEach((cell, at) => {
       if (this.order[at] === this.sorted) cell.setAttribute("aria-sort", this.descending ? "descending" : "ascending");
       else cell.removeAttribute("aria-sort");
@@ -156,7 +163,21 @@ class ObjectTable {
     const hidden = Array.from({ length: this.count }, (_, row) => row).filter((row) => this.on.isHidden(this.codeOf(row))).length;
     const all = this.rows.length < this.count ? ` (${shown(this.count)} in all${hidden ? `, ${shown(hidden)} hidden in the legend` : ""})` : "";
     const show = hidden ? el("button", { type: "button", class: "plain", onclick: () => this.on.showAll() }, "Show all") : null;
-    $("pager").replaceChildren(el("span", { role: "status" }, range + all), el("div", {}, ...[show, turn(-1, "Previous"), turn(1, "Next")].filter(Boolean)));
+    $("pager").replaceChildren(el("span", { role: "status" }, range + all), el("div", {}, ...[show, turn(-1, "Previous"), turn(1, "Next")].filter(Boolean)), this.leftOut());
+  }
+
+  /** What a printed page has no room for. */
+  leftOut() {
+    const names = this.columns.filter((column, at) => !this.order.includes(at) || isExtra(column)).map(({ name }) => name);
+    return names.length ? el("span", { class: "printed" }, `Not printed: the columns ${names.join(", ")}. objects.csv has them.`) : null;
+  }
+
+  /** All rows on one page while it is printed. */
+  print(isPrinted) {
+    if (isPrinted) this.pageBefore = this.page;
+    this.pageRows = isPrinted ? Math.max(1, this.rows.length) : PAGE_ROWS;
+    this.page = isPrinted ? 0 : this.pageBefore ?? 0;
+    this.show();
   }
 
   row(row) {
@@ -174,7 +195,7 @@ class ObjectTable {
   choose(row) {
     this.chosen = row;
     const at = this.rows.indexOf(row);
-    const page = at < 0 ? this.page : Math.floor(at / PAGE_ROWS);
+    const page = at < 0 ? this.page : Math.floor(at / this.pageRows);
     if (page !== this.page) { this.page = page; this.show(); }
     for (const node of $("table").tBodies[0].rows) node.setAttribute("aria-selected", String(node.dataset.row === String(row)));
     const node = $("table").querySelector('tr[aria-selected="true"]');
@@ -206,10 +227,12 @@ class ObjectTable {
 
 const isCoordinate = (name) => /(^|_)[xyz]$/.test(name);
 
+/** Whether a printed page leaves a column out. */
+const isExtra = (column) => isText(column) || isCoordinate(column.name);
+
 /** How the cells of a column look: words are on the left, and a printed page leaves out what does not fit. */
 function kindOf(column, words) {
-  const extra = isText(column) || isCoordinate(column.name);
-  return [words && "words", extra && "extra"].filter(Boolean).join(" ") || null;
+  return [words && "words", isExtra(column) && "extra"].filter(Boolean).join(" ") || null;
 }
 
 /** The unit of the values of a column. Coordinates have that of the input. */
