@@ -355,7 +355,7 @@ fn status_names_the_passes_that_run_executes() {
     for (number, (input, list, expected)) in cases.into_iter().enumerate() {
         let out = folder.path().join(number.to_string());
         let (result, executed) = watched(input, &out, &list, &all, None);
-        result.expect("a run");
+        let summary = result.expect("a run");
         let names: Vec<&str> = executed.iter().map(|pass| pass.0.as_str()).collect();
         let mut left = expected.iter();
         let found =
@@ -371,6 +371,9 @@ fn status_names_the_passes_that_run_executes() {
             seen.passes.iter().map(|pass| (pass.pass.to_owned(), pass.units)).collect();
         let units = |(name, units): &(String, usize)| (name.clone(), (name != "export").then_some(*units));
         assert_eq!(listed, executed.iter().map(units).collect::<Vec<_>>(), "case {number}");
+        // The report has the names of `status`, which tell the rounds of a pass apart.
+        let titles: Vec<&str> = summary.passes.iter().map(|pass| pass.title.as_str()).collect();
+        assert_eq!(titles, seen.passes.iter().map(|pass| pass.title.as_str()).collect::<Vec<_>>());
         assert!(seen.finished && seen.passes.iter().all(|pass| pass.why.is_empty() && pass.stale == 0));
     }
 }

@@ -4,9 +4,9 @@
 const MANY = 12;
 /**
  * Pixels that a narrow plan leaves to the scale bar, the arrow and the buttons: a strip below it, or columns beside it.
- * The one with the larger scale is taken. A wide plan has room for them.
+ * The one with the larger scale is taken. A wide plan has room for them. `around` the street, some is left, too.
  */
-const MARGINS = { wide: { left: 0, right: 0, below: 0 }, strip: { left: 0, right: 0, below: 34 }, columns: { left: 70, right: 56, below: 0 } };
+const MARGINS = { wide: { left: 0, right: 0, below: 0, around: [60, 44] }, strip: { left: 0, right: 0, below: 34, around: [30, 30] }, columns: { left: 70, right: 56, below: 0, around: [30, 16] } };
 
 class Plan {
   constructor(canvas, axis, outlines, tiles, on) {
@@ -76,15 +76,15 @@ class Plan {
     this.centre = [0, 1].map((k) => (seen.low[k] + seen.high[k]) / 2);
     const [along, across] = [0, 1].map((k) => Math.max(5, seen.high[k] - seen.low[k]));
     // On a narrow page, the plan gets the height with which it fills the width.
-    const [aside, above] = narrow ? [30, 30] : [60, 44];
+    const [aside, above] = MARGINS.strip.around;
     this.size();
     this.canvas.closest(".stage").style.setProperty("--plan", `${Math.ceil(((this.width - aside) * across) / along + above + MARGINS.strip.below)}px`);
     this.size();
-    const scale = ({ left, right, below }) => Math.min((this.width - left - right - aside) / along, (this.height - below - above) / across);
+    const scale = ({ left, right, below, around }) => Math.min((this.width - left - right - around[0]) / along, (this.height - below - around[1]) / across);
     this.margins = narrow ? (scale(MARGINS.columns) > scale(MARGINS.strip) ? MARGINS.columns : MARGINS.strip) : MARGINS.wide;
     this.canvas.parentElement.dataset.margins = this.margins === MARGINS.columns ? "columns" : "";
     this.scale = scale(this.margins);
-    this.along = along;
+    Object.assign(this, { along, across });
     this.least = this.scale / 2;
   }
 
