@@ -259,7 +259,7 @@ def check_sample(browser):
     sentence, count, counts = browser.js("[app.page.sample.sentence, app.points.count, app.run.result.counts]")
     eligible, noise = counts["ground"] + counts["object"], counts["low_noise"] + counts["high_noise"]
     check("not more points are shown than there are", count <= eligible, (count, eligible))
-    said = f"all {eligible:,} point" if count == eligible else f"{count:,} of {eligible:,} point"
+    said = f"all {eligible:,} point" if count == eligible else f"{count:,} of {eligible + noise:,} point"
     check("the sentence has the numbers of shown points", said in sentence, sentence)
     check("the sentence names noise that is left out", (f"{noise:,} point" in sentence and "of noise" in sentence) == (noise > 0), sentence)
 

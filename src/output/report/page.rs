@@ -217,14 +217,15 @@ impl Page<'_> {
         let noise = of("low_noise") + of("high_noise");
         // The sampler takes no noise.
         let eligible = self.all_points.saturating_sub(noise);
-        let mut all = counted(eligible, "point");
-        if noise > 0 {
-            all.push_str(if eligible == 1 { " that is not noise" } else { " that are not noise" });
-        }
         let mut text = if count as u64 >= eligible {
-            format!("The 3D view shows all {all}.")
+            let class = match (noise, eligible) {
+                (0, _) => "",
+                (_, 1) => " that is not noise",
+                _ => " that are not noise",
+            };
+            format!("The 3D view shows all {}{class}.", counted(eligible, "point"))
         } else {
-            let shown = separated(count as u64);
+            let (shown, all) = (separated(count as u64), counted(self.all_points, "point"));
             format!("The 3D view shows {shown} of {all}: at most one of a voxel, and some of every {what}.")
         };
         if noise > 0 {
@@ -429,8 +430,8 @@ mod tests {
         );
         assert_eq!(
             said(surfaces, 71_724),
-            "The 3D view shows 71,724 of 71,728 points that are not noise: at most one of a voxel, and some of \
-             every surface. It leaves out 113 points of noise."
+            "The 3D view shows 71,724 of 71,841 points: at most one of a voxel, and some of every surface. \
+             It leaves out 113 points of noise."
         );
     }
 
