@@ -191,6 +191,18 @@ mod tests {
     }
 
     #[test]
+    fn ground_that_is_a_roof_elsewhere_does_not_lower_a_building() {
+        // A wall along y = 12.05 m that begins 0.4 m above the street. Before 3 of its 10 m, the model is a
+        // roof 13 m higher. The axis is y = 5 m.
+        let wall: Vec<[i64; 3]> =
+            (0..6_000_i64).map(|n| [n % 100 * 100 + 50, 12_050, 400 + n / 100 * 250]).collect();
+        let street = (0..10).flat_map(|i| (6..12).map(move |j| ([i, j], if i < 7 { 0 } else { 13_000 })));
+        let found =
+            as_decimals(&values_of(&Base, &wall, Kind::new(5, 255), &street.collect::<Vec<_>>(), METRES));
+        assert!(found[2].unwrap().abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
     fn a_porch_or_a_door_in_the_middle_is_not_the_front_of_a_building() {
         // A wall along y = 12.05 m. The axis is y = 5 m.
         let wall = |door: bool| {

@@ -22,6 +22,8 @@ const LOWEST_PART_M: f64 = 0.3;
 /// within a cell are lower). Most of the part must be deeper, because single cells of the model are wrong
 /// too, and reflections of a facade are up to 16 m below the ground.
 const BELOW_GROUND_M: f64 = 0.2;
+/// Largest difference of two heights of one ground below an object, in metres (chosen: less than a storey).
+const SAME_GROUND_M: f64 = 2.0;
 /// Ratio of height to width below which a tree is low. Leaves down to the ground hide its stem, as with a
 /// cycad or a bush, so its place is the middle of the leaves. The densest leaves are on the side that was
 /// seen, and are not a stem. Chosen between 0.56, the largest ratio of cycads, and 1.07, the smallest ratio
@@ -122,7 +124,8 @@ impl Foot {
                         (place, terrain.surface_m(place))
                     }
                 };
-                Self { place, ground_m: ground_m.map(|ground_m| ground_m + part.below_m), stem: None }
+                let ground_m = ground_m.map(|ground_m| ground_m + part.below_m(ground_m));
+                Self { place, ground_m, stem: None }
             }
             // No points at all.
             None => Self { place: [0.0; 2], ground_m: None, stem: None },
@@ -334,8 +337,7 @@ struct LowestPart {
     middle: [f64; 2],
     /// Its larger extent in x and y.
     width_m: f64,
-    /// How far the ground is below its model, 0 or less.
-    below_m: f64,
+    cells: Vec<PlanCell>,
 }
 
 /// A cell of the plan of an object.
@@ -388,9 +390,19 @@ fn lowest_part(
         ends.clone().max().unwrap_or(0) - ends.min().unwrap_or(0)
     };
     let width_m = width(0).max(width(1)) as f64 * half_step_m;
-    let below = part.iter().map(|cell| if cell.ground_m.is_some() { cell.over_m.min(0.0) } else { 0.0 });
-    let below_m = upper_median(below.collect()).filter(|below| *below < -BELOW_GROUND_M).unwrap_or(0.0);
-    Some(LowestPart { middle: [mean(0), mean(1)], width_m, below_m })
+    Some(LowestPart { middle: [mean(0), mean(1)], width_m, cells: part })
+}
+
+impl LowestPart {
+    /// Height of most of the part over the ground where the object stands, `ground_m`, if it is far below;
+    /// else 0. Metres. Cells over other ground do not count: below a balcony, the model can be the balcony.
+    fn below_m(&self, ground_m: f64) -> f64 {
+        let below = self.cells.iter().filter_map(|cell| match cell.ground_m {
+            Some(own_m) => ((own_m - ground_m).abs() <= SAME_GROUND_M).then_some(cell.over_m.min(0.0)),
+            None => Some(0.0),
+        });
+        upper_median(below.collect()).filter(|below| *below < -BELOW_GROUND_M).unwrap_or(0.0)
+    }
 }
 
 /// The upper median; `None` without values.
