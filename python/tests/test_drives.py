@@ -50,7 +50,7 @@ def test_objects_are_the_rows_of_the_table(tmp_path):
 def readme_columns():
     readme = Path(__file__).resolve().parents[2].joinpath("README.md").read_text(encoding="utf-8")
     _, _, rest = readme.partition("<!-- columns of objects")
-    rows = [line.split("|") for line in rest.partition("## ")[0].splitlines() if line.startswith("| `")]
+    rows = [line.split("|") for line in rest.partition("<!-- end of columns of objects")[0].splitlines() if line.startswith("| `")]
     return {row[1].strip(" `"): row[2].strip() for row in rows}
 
 
