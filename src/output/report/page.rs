@@ -215,13 +215,16 @@ impl Page<'_> {
         let what = if result["surfaces"] == true { "surface" } else { "object" };
         let of = |class: &str| result["counts"][class].as_u64().unwrap_or(0);
         let noise = of("low_noise") + of("high_noise");
-        // The sampler takes no noise.
-        let eligible = self.all_points.saturating_sub(noise);
+        let withheld = of("withheld");
+        // The sampler takes neither.
+        let eligible = self.all_points.saturating_sub(noise + withheld);
         let mut text = if count as u64 >= eligible {
-            let class = match (noise, eligible) {
-                (0, _) => "",
-                (_, 1) => " that is not noise",
-                _ => " that are not noise",
+            let verb = if eligible == 1 { "is" } else { "are" };
+            let class = match (noise, withheld) {
+                (0, 0) => String::new(),
+                (_, 0) => format!(" that {verb} not noise"),
+                (0, _) => format!(" that {verb} not withheld"),
+                _ => format!(" that {verb} neither noise nor withheld"),
             };
             format!("The 3D view shows all {}{class}.", counted(eligible, "point"))
         } else {
@@ -230,6 +233,9 @@ impl Page<'_> {
         };
         if noise > 0 {
             text.push_str(&format!(" It leaves out {} of noise.", counted(noise, "point")));
+        }
+        if withheld > 0 {
+            text.push_str(&format!(" It leaves out {}.", counted(withheld, "withheld point")));
         }
         let PageTable { shown, all, .. } = *self.table;
         if shown < all {
@@ -427,6 +433,12 @@ mod tests {
         assert_eq!(
             said(run(110, 3), 71_728),
             "The 3D view shows all 71,728 points that are not noise. It leaves out 113 points of noise."
+        );
+        let withheld = json!({"result": {"counts": {"low_noise": 1, "withheld": 840}}});
+        assert_eq!(
+            said(withheld, 71_000),
+            "The 3D view shows all 71,000 points that are neither noise nor withheld. It leaves out 1 point of noise. \
+             It leaves out 840 withheld points."
         );
         assert_eq!(
             said(surfaces, 71_724),
