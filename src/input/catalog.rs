@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use super::boxes::note_boxes;
-use super::crs::{Crs, CrsKind};
+use super::crs::Crs;
+use super::crs_claim::CrsKind;
 use super::error::InputError;
 use super::file::InputFile;
 use super::names;

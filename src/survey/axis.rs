@@ -241,10 +241,11 @@ fn first_passes(tracks: &[Vec<[f64; 2]>]) -> Axis {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
+    /// Positions along a straight line.
+    pub(in crate::survey) fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
         let count = 50;
         (0..=count).map(|k| [from + (to - from) * f64::from(k) / f64::from(count), y]).collect()
     }

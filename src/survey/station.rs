@@ -139,11 +139,7 @@ impl Axis {
 mod tests {
     use super::*;
     use crate::survey::axis::AxisSource;
-
-    fn straight(from: f64, to: f64, y: f64) -> Vec<[f64; 2]> {
-        let count = 50;
-        (0..=count).map(|k| [from + (to - from) * f64::from(k) / f64::from(count), y]).collect()
-    }
+    use crate::survey::axis::tests::straight;
 
     #[test]
     fn chainage_and_offset_of_places_beside_a_straight_axis() {
