@@ -357,6 +357,7 @@ fn withheld_points_do_not_count() {
     let catalog = Catalog::open(&[both], &InputOptions::default()).unwrap();
     let counted = eval::count(&catalog, None, &CompareSettings::default(), &|_| ()).unwrap();
     assert_eq!(counted.table.cells, expected.cells);
+    assert_eq!(counted.withheld, (points.len() - used.len()) as u64);
 }
 
 #[test]
@@ -456,6 +457,7 @@ fn the_report_is_the_same_for_any_number_of_threads() {
                 class_dim: Some("gt_class".into()),
                 named_dim: None,
                 matched_by,
+                points_withheld: 0,
                 chainage_along: "principal axis of the objects".into(),
             };
             let settings = settings();
@@ -502,10 +504,13 @@ fn objects_too_small_to_be_evaluated_are_listed_where_their_id_is() {
         class_dim: None,
         named_dim: None,
         matched_by: "record order".into(),
+        points_withheld: 1234,
         chainage_along: "principal axis of the objects".into(),
     };
     let mut csv = Vec::new();
-    Report::new(&evaluation, &settings, &axis, compared).write_objects_csv(&mut csv).unwrap();
+    let report = Report::new(&evaluation, &settings, &axis, compared);
+    report.write_objects_csv(&mut csv).unwrap();
+    assert!(report.text(0).starts_with("152 points (1,234 withheld left out), matched by record order"));
     let csv = String::from_utf8(csv).unwrap();
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     assert_eq!(rows.iter().map(|row| row[0]).collect::<Vec<_>>(), ["object", "1", "2", "3", "4", "9"]);

@@ -248,6 +248,7 @@ impl EvalArgs {
             class_dim: self.has_classes().then(|| self.class_dim.clone()),
             named_dim: counted.named_dim.clone(),
             matched_by: counted.matching.name().to_owned(),
+            points_withheld: counted.withheld,
             chainage_along: "principal axis of the objects".to_owned(),
         }
     }

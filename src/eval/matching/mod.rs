@@ -52,6 +52,8 @@ impl Matching {
 pub struct Counted {
     /// The contingency table.
     pub table: Table,
+    /// Number of points that are withheld on either side. The table leaves them out.
+    pub withheld: u64,
     /// Lattice of its positions.
     pub lattice: Lattice,
     /// How the points were matched.
@@ -75,13 +77,15 @@ pub fn count(
     note: &dyn Fn(&str),
 ) -> Result<Counted> {
     let parts = Parts::new(&settings.scratch);
+    let without = |table: &Table| prediction.point_count() - table.points();
     let predicted = Files::prediction(prediction, settings)?;
     let prediction_dim = settings.prediction_dim_in(prediction).to_owned();
     let named_dim = settings.named_dim_in(prediction).map(str::to_owned);
     let Some(reference) = reference else {
         let table = order::count_same_files(&predicted, &Files::reference(prediction, settings)?, parts)?;
+        let (withheld, lattice) = (without(&table), prediction.lattice());
         let matching = Matching::SameRecords;
-        return Ok(Counted { table, lattice: prediction.lattice(), matching, prediction_dim, named_dim });
+        return Ok(Counted { table, withheld, lattice, matching, prediction_dim, named_dim });
     };
     let referred = Files::reference(reference, settings)?;
     let with_time = predicted.has_time() && referred.has_time() && !settings.ignore_time;
@@ -91,7 +95,8 @@ pub fn count(
         Some(table) => (table, Matching::RecordOrder),
         None => (by_key(&pair, settings, note)?, pair.matching_by_key()),
     };
-    Ok(Counted { table, lattice: reference.lattice(), matching, prediction_dim, named_dim })
+    let (withheld, lattice) = (without(&table), reference.lattice());
+    Ok(Counted { table, withheld, lattice, matching, prediction_dim, named_dim })
 }
 
 fn by_key(pair: &Pair<'_>, settings: &CompareSettings, note: &dyn Fn(&str)) -> Result<Table> {

@@ -34,8 +34,12 @@ fn cell(share: Option<f64>) -> String {
 fn head(report: &Report<'_>) -> String {
     let counts = &report.counts;
     let min = report.settings.min_points;
+    let withheld = match report.compared.points_withheld {
+        0 => String::new(),
+        points => format!(" ({} withheld left out)", separated(points)),
+    };
     let mut text = format!(
-        "{}, matched by {}\n{} with at least {min} points ({} smaller left out), {}\n",
+        "{}{withheld}, matched by {}\n{} with at least {min} points ({} smaller left out), {}\n",
         counted(counts.points, "point"),
         report.compared.matched_by,
         counted(counts.objects, "object"),

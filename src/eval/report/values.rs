@@ -36,8 +36,16 @@ pub struct Provenance {
     pub named_dim: Option<String>,
     /// How the points of both sides were matched.
     pub matched_by: String,
+    /// Number of points that are withheld on either side, and therefore left out.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub points_withheld: u64,
     /// The line along which chainages are measured: the trajectory file, or the principal axis.
     pub chainage_along: String,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde calls")]
+fn is_zero(number: &u64) -> bool {
+    *number == 0
 }
 
 /// The result of an evaluation, in the order of the JSON.
