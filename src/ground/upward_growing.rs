@@ -37,11 +37,9 @@ use std::f64::consts::SQRT_2;
 use serde::Deserialize;
 
 use super::filter::{GroundEntry, GroundFilter};
-use super::noise::voxel_edge;
-use super::visible::{mark_ground, visible_points};
+use super::visible;
 use crate::config::{self, ConfigError};
-use crate::model::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach};
+use crate::model::{AlgorithmError, Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
 
 pub(super) const NAME: &str = "upward-growing";
@@ -257,12 +255,9 @@ impl GroundFilter for UpwardGrowing {
     }
 
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
-        let lattice = view.cloud().lattice;
-        let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let visible = visible_points(index, classes);
-        let ground = self.ground_voxels(index, &visible, lattice);
-        mark_ground(index, &ground, classes);
-        Ok(())
+        visible::classify(NAME, self.config.voxel, view, classes, |index, visible, lattice| {
+            self.ground_voxels(index, visible, lattice)
+        })
     }
 }
 

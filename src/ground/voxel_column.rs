@@ -24,11 +24,9 @@ use serde::Deserialize;
 
 use super::filter::{GroundEntry, GroundFilter};
 use super::lowest::{NONE, lowest_within};
-use super::noise::voxel_edge;
-use super::visible::{mark_ground, visible_points};
+use super::visible;
 use crate::config::{self, ConfigError};
-use crate::model::AlgorithmError;
-use crate::model::{Lattice, PointClass, Reach};
+use crate::model::{AlgorithmError, Lattice, PointClass, Reach};
 use crate::spatial::{TileView, VoxelIndex};
 
 const NAME: &str = "voxel-column";
@@ -148,12 +146,9 @@ impl GroundFilter for VoxelColumn {
     }
 
     fn classify(&self, view: &mut TileView<'_>, classes: &mut [PointClass]) -> Result<(), AlgorithmError> {
-        let lattice = view.cloud().lattice;
-        let index = view.voxels(NAME, voxel_edge(lattice, self.config.voxel))?;
-        let visible = visible_points(index, classes);
-        let ground = self.ground_voxels(index, &visible, lattice);
-        mark_ground(index, &ground, classes);
-        Ok(())
+        visible::classify(NAME, self.config.voxel, view, classes, |index, visible, lattice| {
+            self.ground_voxels(index, visible, lattice)
+        })
     }
 }
 
