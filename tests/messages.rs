@@ -117,7 +117,7 @@ fn only_named_outputs_are_written_and_charts_are_listed() {
     let (page, _) = run("csv,charts");
     assert!(page.contains("nothing to do"), "{page}");
     let empty = refused(folder.path(), &["run", "drive/first", "-o", "other", "--outputs", ""], 3);
-    assert!(empty.contains("output.files = \"\": must be a list of points, "), "{empty}");
+    assert!(empty.contains("output.files = \"\": must be a list of these: points, "), "{empty}");
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn what_a_run_refuses_is_refused_by_a_plan_and_by_config() {
     let folder = with_drive();
     let run = ["run", "drive/first", "-o", "out", "--outputs", "nonsense"];
     let by_run = refused(folder.path(), &run, 3);
-    assert!(by_run.contains("output.files = \"nonsense\": must be a list of points, csv"), "{by_run}");
+    assert!(by_run.contains("output.files = \"nonsense\": must be a list of these: points, csv"), "{by_run}");
     assert_eq!(refused(folder.path(), &[&run[..], &["--dry-run"]].concat(), 3), by_run);
     for value in ["output.files=['nonsense']", "output.dimension=Point_Source_ID", "output.dimension=GpsTime"]
     {
@@ -325,7 +325,10 @@ fn results_without_the_record_of_their_input_are_refused() {
     std::fs::remove_file(&record).expect("removed");
     for call in [&run(&[])[..], &["status", "out"], &["next", "out"]] {
         let text = refused(folder.path(), call, 6);
-        assert!(text.contains("input.json is missing, so nothing tells of which input"), "{text}");
+        assert!(
+            text.contains("input.json is missing, so the input of the results beside it is unknown"),
+            "{text}"
+        );
         assert!(text.contains("hint: start over here with chainage run --fresh"), "{text}");
     }
     assert!(!record.exists());

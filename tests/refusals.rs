@@ -506,7 +506,7 @@ fn boxes_that_no_points_can_have_are_named_with_their_numbers() {
     };
     let warned = |paths: &[PathBuf]| -> Vec<String> {
         let catalog = open(paths).expect("a box is no reason to refuse a file");
-        catalog.warnings().iter().filter(|text| text.contains("which they cannot have")).cloned().collect()
+        catalog.warnings().iter().filter(|text| text.contains("which is impossible")).cloned().collect()
     };
     assert_eq!(warned(&[with("right.las", &[])]), [""; 0]);
     for (name, ends, numbers) in [

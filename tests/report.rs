@@ -190,7 +190,10 @@ fn outputs_that_are_not_chosen_are_left_out() {
     let refused = run_command(&sweep(), &out, &["--outputs", "csv,shp"]).output().expect("starts");
     let (code, errors) = ended(&refused);
     assert_eq!(code, 3, "{errors}");
-    assert!(errors.contains("output.files = \"shp\": must be a list of points, csv, geojson, "), "{errors}");
+    assert!(
+        errors.contains("output.files = \"shp\": must be a list of these: points, csv, geojson, "),
+        "{errors}"
+    );
 }
 
 #[test]

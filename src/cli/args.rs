@@ -21,7 +21,7 @@ use crate::cli::commands::train::TrainArgs;
 use crate::cli::commands::view::ViewArgs;
 use crate::cli::commands::work::WorkArgs;
 
-/// Turns the LAS/LAZ files of a mobile laser scanning drive into ground and objects.
+/// Separates the points of a mobile laser scanning drive (LAS/LAZ) into ground and objects.
 ///
 /// A drive may have any length, because memory stays within a budget. An interrupted run resumes. The result
 /// does not depend on tiles or threads.
@@ -66,7 +66,7 @@ pub(crate) enum Command {
     Cluster(ClusterArgs),
     /// Estimate the radius epsilon of dbscan from a drive or a table
     EstimateEpsilon(EstimateArgs),
-    /// Learn the classes of street from labelled drives
+    /// Train a model of the method street on labelled drives
     Train(TrainArgs),
     /// Process the small real sample that is part of the program
     Demo(DemoArgs),

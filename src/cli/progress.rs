@@ -43,7 +43,7 @@ impl ProgressChoice {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Display")]
 pub(crate) struct Quiet {
-    /// Show warnings only
+    /// Show no progress, only warnings
     #[arg(short, long)]
     quiet: bool,
 }

@@ -110,7 +110,7 @@ fn suggestion(similar: Option<&str>, known: &[String]) -> String {
     match similar {
         Some(similar) => format!(": did you mean {similar}?"),
         None if known.is_empty() => String::new(),
-        None => format!(", there is: {}", known.join(", ")),
+        None => format!("; known: {}", known.join(", ")),
     }
 }
 
@@ -149,6 +149,9 @@ impl Failure for ConfigError {
             }
             Self::UnknownMethod { .. } => Some("chainage methods describes them".into()),
             Self::UnknownPreset { .. } => Some("chainage config --presets describes them".into()),
+            Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Some("chainage config > FILE writes a configuration file with every setting".into())
+            }
             Self::Read { .. } | Self::Syntax { .. } | Self::Value { .. } => None,
         }
     }

@@ -459,11 +459,11 @@ mod tests {
             ),
             (
                 "euclidean.wide=1",
-                "there is no setting euclidean.wide, there is: max_gap_m, min_points, max_points",
+                "there is no setting euclidean.wide; known: max_gap_m, min_points, max_points",
             ),
             ("euclidean.dt=1", "there is no setting euclidean.dt: did you mean euclidean.max_gap_m?"),
             ("euclidian.d_t=1", "there is no setting euclidian.d_t: did you mean euclidean.max_gap_m?"),
-            ("nothing.like_it=1", "there is no setting nothing.like_it, there is: input, axis, tiling"),
+            ("nothing.like_it=1", "there is no setting nothing.like_it; known: input, axis, tiling"),
             (
                 "d_t=1",
                 "d_t is euclidean.max_gap_m and density-peaks.scale_above now: write euclidean.max_gap_m=1",

@@ -159,7 +159,7 @@ impl Failure for EvalError {
                 .into(),
             ),
             Self::Unmatched { prediction, .. } if prediction.gps_time.is_some() => {
-                Some("when only the times were changed: --ignore-time".into())
+                Some("if only the GPS times differ, add --ignore-time".into())
             }
             Self::Scratch { source, .. } if source.kind() == std::io::ErrorKind::StorageFull => {
                 Some("name a folder with more space with --scratch".into())

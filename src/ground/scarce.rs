@@ -71,7 +71,7 @@ impl LowPoints {
         (self.low > 0 && share < SCARCE).then(|| {
             format!(
                 "{method} found little ground: {:.1} % of the lowest points are ground; {other}; \
-                 where the scan has hardly any ground, as in a dense forest, all of them find little",
+                 where the scan has hardly any ground, as in a dense forest, all filters find little",
                 100.0 * share
             )
         })

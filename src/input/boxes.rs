@@ -54,8 +54,8 @@ pub(super) fn note_boxes(files: &[InputFile], warnings: &mut Vec<String>) {
     let mut impossible = filled.filter_map(|file| Some((file, file.impossible_axes()?)));
     for (file, axes) in impossible.by_ref().take(NAMED) {
         warnings.push(format!(
-            "{}: the header says that the points have {axes}, which they cannot have; the points are used and not these \
-             numbers, but other programs need them: write the header anew (pdal translate, or lasinfo -repair_bb)",
+            "{}: the box in the header is {axes}, which is impossible; the coordinates of the points are used instead, but \
+             other programs need the box: rewrite the header (pdal translate, or lasinfo -repair_bb)",
             file.name()
         ));
     }

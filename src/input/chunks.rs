@@ -144,12 +144,12 @@ impl Finder<'_> {
     /// Points and bytes of every chunk, from the table, or found by walking over the chunks if there is none.
     fn chunks(&self, warnings: &mut Vec<String>) -> Result<Vec<(u64, u64)>, Problem> {
         let Some(table) = self.table_position()? else {
-            warnings.push("the table of compressed chunks is missing; the chunks were searched".into());
+            warnings.push("the table of compressed chunks is missing; a search has found the chunks".into());
             return self.walk(warnings);
         };
         let entries = self.read_table(table)?;
         if entries.is_empty() {
-            warnings.push("the table of compressed chunks is empty; the chunks were searched".into());
+            warnings.push("the table of compressed chunks is empty; a search has found the chunks".into());
             return self.walk(warnings);
         }
         match self.coding.chunking {

@@ -158,7 +158,7 @@ pub enum InputError {
         problem: ChunkProblem,
     },
     /// A file that is not a cloud-optimised point cloud, or is damaged.
-    #[error("{path} cannot be shown in parts: {problem}", path = path.display())]
+    #[error("{path} cannot be streamed: {problem}", path = path.display())]
     Copc {
         /// The file.
         path: PathBuf,

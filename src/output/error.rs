@@ -162,7 +162,7 @@ pub enum OutputError {
         name: String,
     },
     /// The points of the drive cannot be one cloud-optimised file.
-    #[error("there can be no cloud-optimised file of this drive: {reason}")]
+    #[error("no cloud-optimised file of this drive can be written: {reason}")]
     Copc {
         /// Why.
         reason: String,

@@ -68,7 +68,7 @@ pub enum StoreError {
         what: String,
     },
     /// The record of the input was lost, but results of passes were not.
-    #[error("{path} is missing, so nothing tells of which input the results beside it are", path = path.display())]
+    #[error("{path} is missing, so the input of the results beside it is unknown", path = path.display())]
     NoIdentity {
         /// The record.
         path: PathBuf,

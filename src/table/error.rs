@@ -130,9 +130,14 @@ impl Failure for TableError {
 
     fn hint(&self) -> Option<Cow<'static, str>> {
         match self {
+            Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Some("give a text file with columns of numbers, such as CSV".into())
+            }
             Self::NoHeader { .. } => Some("if it is the first row, add --no-header".into()),
             Self::Number { .. } => Some("choose columns of numbers with --columns".into()),
-            Self::Mixed { .. } => Some("mend the cell, or choose the columns to use with --columns".into()),
+            Self::Mixed { .. } => {
+                Some("correct the value, or choose the columns to use with --columns".into())
+            }
             Self::DecimalComma { .. } => Some(
                 "write decimal points, or leave the column out with --columns; for a table with semicolons: \
                  `tr , . < TABLE > POINTS`"

@@ -206,7 +206,7 @@ pub(super) fn page(summary: &RunSummary, out: &Path, output: &OutputConfig) -> S
         text.push_str(&format!(", peak memory {}", print::bytes(peak)));
     }
     let mut written = Vec::new();
-    written.extend(output.writes("points").then_some("labelled files"));
+    written.extend(output.writes("points").then_some("labelled copies"));
     let of_surfaces = objects::SURFACES.iter().filter(|_| summary.surfaces);
     let tables = objects::REGISTRY.iter().chain(of_surfaces).filter(|entry| output.writes(entry.name()));
     written.extend(tables.map(|entry| entry.file_name));

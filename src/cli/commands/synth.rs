@@ -75,8 +75,8 @@ pub(crate) struct SynthArgs {
     #[arg(long, value_name = "RATE", value_parser = rate, allow_hyphen_values = true, help_heading = "Scanner")]
     pulse_rate: Option<f64>,
 
-    /// Profiles or rotations per second of one head; the pulse rate divided by it gives the pulses of one
-    /// [default: profiler 200Hz; spinning 10Hz]
+    /// Profiles or rotations per second of one head; the pulse rate divided by this is the number of pulses
+    /// in each [default: profiler 200Hz; spinning 10Hz]
     #[arg(long, value_name = "RATE", value_parser = rate, allow_hyphen_values = true, help_heading = "Scanner")]
     profiles: Option<f64>,
 
@@ -159,7 +159,7 @@ impl ValueEnum for SensorArg {
             Sensor::Spinning16 => "16 beams from -15 to 15 degrees, 10 rotations per second",
             Sensor::Spinning32 => "32 beams from -30.7 to 10.7 degrees",
             Sensor::Spinning64 => "64 beams from -24.8 to 2 degrees: nothing high above the sensor",
-            Sensor::Spinning64Wide => "64 beams from -25 to 15 degrees, most of them about the horizon",
+            Sensor::Spinning64Wide => "64 beams from -25 to 15 degrees, most of them near the horizon",
         };
         Some(clap::builder::PossibleValue::new(self.0.name()).help(help))
     }

@@ -60,7 +60,7 @@ pub(crate) struct TrainArgs {
     /// Labelled drives to score the model with; nothing is learned from them
     #[arg(long, value_name = "DRIVES", num_args = 1..)]
     test: Vec<PathBuf>,
-    /// Write the card of the model, in Markdown (- for standard output)
+    /// Write a card of the model in Markdown (-: to standard output)
     #[arg(long, value_name = "FILE", value_parser = print::target())]
     card: Option<PathBuf>,
     /// Folder for the state of one drive at a time [default: the system's folder for temporary files]
@@ -77,7 +77,7 @@ pub(crate) struct TrainArgs {
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "Learning")]
 struct LearningArgs {
-    /// Number that chooses the samples and the features of each split
+    /// Seed for the choice of the samples and of the features of each split
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole::<u64>(0..=u64::MAX, 7))]
     seed: u64,
     /// Largest number of samples per class and drive; for the classes by context, four times as many of all
@@ -87,7 +87,7 @@ struct LearningArgs {
     /// Learn also from copies of each drive that have these shares of its points, for sparser scanners
     #[arg(long, value_name = "SHARES", value_delimiter = ',', value_parser = share)]
     thin: Vec<f64>,
-    /// Rounds; each adds a tree per class. The classes by context take half as many
+    /// Boosting rounds; each adds a tree per class. The classes by context take half as many
     #[arg(long, value_name = "N", default_value_t = Learning::default().rounds, value_parser = whole::<usize>(0..=u64::MAX, 100))]
     rounds: usize,
     /// Largest number of leaves of a tree
@@ -238,7 +238,10 @@ fn summary(model: &StreetModel, learned: &Learned<'_>, scores: &[(String, Confus
     }
     let right = |held_out: &Confusion, of: &str| {
         let rows = print::count(held_out.rows());
-        format!("{} of {rows} {of} that were held out are classified rightly\n", percent(held_out.accuracy()))
+        format!(
+            "{} of {rows} {of} that were held out are classified correctly\n",
+            percent(held_out.accuracy())
+        )
     };
     match learned {
         Learned::Voxels(trained) => text += &right(&trained.held_out, "voxels in squares"),

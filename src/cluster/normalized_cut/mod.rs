@@ -51,7 +51,7 @@ use crate::model::{Lattice, Reach};
 
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
-    summary: "clusters of euclidean; tall and wide ones are cut where little holds them together, and trees named",
+    summary: "clusters of euclidean; tall and wide ones are cut where they are weakly connected, and trees are named",
     reference: "Guan et al. 2016, section 3.2, doi:10.5194/isprs-archives-XLI-B3-221-2016",
     build: |sections| {
         let euclidean = config::section("euclidean", &sections("euclidean"))?;

@@ -150,8 +150,11 @@ fn named(report: &Report<'_>) -> String {
     text += &format!("\naccuracy {} of {} points\n", cell(named.accuracy), named.points);
     text +=
         "class right: share of the matched objects. F1+class counts a match of another class as two errors\n";
-    text += &confusion("points that are, and are called", &named.point_confusion);
-    text + &confusion("matched objects that are, and are called", &named.object_confusion)
+    text += &confusion("points by true class (rows) and predicted class (columns)", &named.point_confusion);
+    text + &confusion(
+        "matched objects by true class (rows) and predicted class (columns)",
+        &named.object_confusion,
+    )
 }
 
 /// The counts of a confusion as a table, a row per class.

@@ -75,7 +75,7 @@ pub(crate) fn check_settings(config: &Config) -> Result<(), ConfigError> {
     known.extend(["charts", "copc", "report"]);
     match config.output.files.iter().find(|name| !known.contains(&name.as_str())) {
         Some(name) => {
-            let expected = format!("a list of {}", known.join(", "));
+            let expected = format!("a list of these: {}", known.join(", "));
             Err(ConfigError::value("output.files", format!("{name:?}"), expected))
         }
         None => Ok(()),

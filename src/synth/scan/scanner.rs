@@ -34,7 +34,7 @@ pub enum Sensor {
     /// A spinning head of 64 beams from -24.8 to 2 degrees: it hardly sees what is above it.
     #[serde(rename = "spinning-64")]
     Spinning64,
-    /// A spinning head of 64 beams from -25 to 15 degrees, most of them about the horizon.
+    /// A spinning head of 64 beams from -25 to 15 degrees, most of them near the horizon.
     #[serde(rename = "spinning-64-wide")]
     Spinning64Wide,
 }
