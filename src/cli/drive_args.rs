@@ -163,7 +163,7 @@ struct AxisSource {
     trajectory: Option<PathBuf>,
 }
 
-/// The settings of a look at a drive, for `info`. It has no passes after the survey.
+/// The settings of `info`, which has no passes after the survey.
 #[derive(Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings")]
 pub(crate) struct LookSettings {

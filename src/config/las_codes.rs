@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Classes of objects by the words of settings, with the codes of `object_class`. Hedges and bushes have the
-/// same code as fences, walls and guard rails, and a word of their own.
+/// same code as fences, walls and guard rails, and a name of their own.
 const CLASSES: [(&str, u8); 9] = [
     ("tree", 2),
     ("pole", 3),

@@ -15,7 +15,7 @@ const BLOCK_BINS: usize = 2_048;
 /// drive in seconds waits in traffic, but not for hours.
 const SLOWEST_M_S: f64 = 0.05;
 /// Chosen: scanners measure 10 thousand to 4 million points per second. In milliseconds that is 10 to 4,000,
-/// and a bin has half as many. A scanner that stands still is told apart by this number.
+/// and a bin has half as many. This number distinguishes a scanner that stands still.
 const BIN_POINTS: f64 = 5_000.0;
 
 /// Why the times cannot be seconds.

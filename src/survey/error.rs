@@ -11,7 +11,7 @@ use crate::words::counted;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SurveyError {
-    /// The trajectory is no table of numbers.
+    /// The trajectory is not a table of numbers.
     #[error(transparent)]
     Table(#[from] TableError),
     /// The first line does not name the columns.

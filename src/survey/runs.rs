@@ -1,5 +1,5 @@
 //! Which runs of a recording follow each other without a gap in the road. A recording stops at a depot or
-//! between two files, and goes on elsewhere: a straight line from one place to the other would lead through
+//! between two files, and continues elsewhere: a straight line from one place to the other would lead through
 //! houses.
 
 /// Largest distance between two stretches of the same street, in metres.
@@ -29,7 +29,7 @@ pub(super) fn tracks(runs: Vec<Track>) -> Vec<Track> {
     tracks
 }
 
-/// Whether the road goes on from the end of one track, which has a position, to the start of the next.
+/// Whether the road continues from the end of one track, which has a position, to the start of the next.
 fn goes_on(before: &[[f64; 2]], after: &[[f64; 2]]) -> bool {
     let (from, to) = (before[before.len() - 1], after[0]);
     let gap = distance(from, to);

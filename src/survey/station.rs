@@ -2,9 +2,10 @@
 //!
 //! The two ends of the axis are extended straight without a limit. An end of a stretch is extended as well if
 //! the recording has a gap there, because a scanner sees objects beside the road that it did not drive.
-//! Chainage counts the straight line over the gap. Each of the two extensions is at most half as long as this
-//! line, so that no chainage occurs twice and chainage never decreases along the drive. An end from which the
-//! drive goes on along an earlier stretch is not extended: the earlier stretch has its places.
+//! Chainage includes the straight line over the gap. Each of the two extensions is at most half as long as
+//! this line, so that no chainage occurs twice and chainage never decreases along the drive. An end from
+//! which the drive continues along an earlier stretch is not extended: places there belong to the earlier
+//! stretch.
 
 use crate::survey::axis::Axis;
 use crate::survey::runs::distance;

@@ -158,8 +158,8 @@ impl Table {
     ///
     /// # Errors
     /// [`TableError::Mixed`] when a column holds a number in some rows only, and [`TableError::DecimalComma`]
-    /// when one has numbers with commas, because leaving it out would change the result without a word. Or
-    /// when a row has other fields than the first line.
+    /// when one has numbers with commas, because leaving it out would change the result silently.
+    /// Also when a row has another number of fields than the first line.
     pub fn numeric_columns(&self) -> Result<Vec<usize>, TableError> {
         let mut numbers = vec![0; self.names.len()];
         // The first cell of each column that is not a number.

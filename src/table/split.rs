@@ -51,7 +51,7 @@ pub(super) fn has_decimal_commas(line: &str) -> bool {
     by_character(';') || by_character('\t') || by_blanks()
 }
 
-/// Whether a field is a number with a comma between two of its digits, which is no number with a point.
+/// Whether a field is a number with a comma between two of its digits, which is not a number with a point.
 pub(super) fn is_decimal_comma(field: &str) -> bool {
     let Some((whole, fraction)) = field.split_once(',') else { return false };
     whole.ends_with(|c: char| c.is_ascii_digit())

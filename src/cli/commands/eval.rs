@@ -177,7 +177,7 @@ impl EvalArgs {
         Ok((counted, metrics, trajectory, provenance))
     }
 
-    /// The unit of the coordinates that the run with the segmentation was told.
+    /// The unit of coordinates in the settings of the run that made the segmentation.
     fn unit(&self) -> LengthUnit {
         let reports = self.prediction.iter().filter_map(|path| report_of(path));
         let told = |report: serde_json::Value| {

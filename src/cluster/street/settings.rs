@@ -73,9 +73,9 @@ pub(crate) fn edge(lattice: Lattice) -> u32 {
 #[serde(default, deny_unknown_fields)]
 pub struct StreetConfig {
     /// Smallest number of points of an object, 1 to 1,000,000. Default 20. A fence needs twice as many; a
-    /// tree, a vehicle or a building needs three times as many. If the model takes an object for whole, this
-    /// number is enough; a tree, or an object without a core, then needs 1.5 times as many. Smaller objects
-    /// that join no other get no id.
+    /// tree, a vehicle or a building needs three times as many. If the model classifies an object as whole,
+    /// this number is enough; a tree, or an object without a core, then needs 1.5 times as many. Smaller
+    /// objects that join no other get no id.
     pub min_points: u64,
     /// Classes of the objects that get an id. Default: all. Objects of other classes are found too, because
     /// growth needs them, but they get no id.

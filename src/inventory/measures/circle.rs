@@ -84,7 +84,7 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
     })
 }
 
-/// Length of a vector of metres. `f64::hypot` also serves lengths whose squares are no numbers, takes several
+/// Length of a vector of metres. `f64::hypot` also works for lengths whose squares overflow, takes several
 /// times as long, and its last digit depends on the system's library.
 pub(super) fn length([x, y]: [f64; 2]) -> f64 {
     (x * x + y * y).sqrt()

@@ -6,8 +6,8 @@ use crate::input::RecordLayout;
 pub(crate) const DESCRIPTOR: usize = 192;
 /// Data type of undocumented bytes; the options field then contains their number.
 const UNDOCUMENTED: u8 = 0;
-/// Bits of the options field that say whether scale and offset are valid. laspy 2 looks at them for
-/// undocumented bytes as well, and fails. So a number of bytes has none of them.
+/// Bits of the options field that say whether scale and offset are valid. laspy 2 reads them for
+/// undocumented bytes as well, and fails. So undocumented bytes have none of them.
 const SCALE_AND_OFFSET: u8 = 1 << 3 | 1 << 4;
 /// Name of the dimension that keeps the class of the input.
 pub(crate) const ORIGINAL_CLASS: &str = "original_classification";

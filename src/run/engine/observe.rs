@@ -34,7 +34,7 @@ pub enum Event<'a> {
         /// Seconds on one worker.
         seconds: f64,
     },
-    /// A unit failed. The others go on.
+    /// A unit failed. The others continue.
     UnitFailed {
         /// Name of the pass.
         pass: &'static str,

@@ -163,7 +163,7 @@ impl Keeper<'_> {
                     let points = pass.points(unit);
                     self.tell(&Event::UnitFinished { pass: pass.outline().name, unit, points, seconds });
                 }
-                // The folder was cleared between the look at it and the commit.
+                // The folder was cleared between the check and the commit.
                 Err(_) if !self.drives && self.dir.is_prepared_now().is_ok_and(|opened| !opened) => {
                     *lost = true;
                     failures.push((unit, RunError::NotOpened { pass: pass.outline().title() }.into()));

@@ -16,8 +16,8 @@ use crate::whole_file::{FINISHED_TOGETHER, sync_each, sync_folder};
 
 /// Name of the record in the state.
 const RECORD: &str = "export/named.json";
-/// Bytes of copies that get their names together. After a kill, at most so many are assembled again. Chosen:
-/// they take seconds.
+/// Bytes of copies that get their names together. After a kill, at most this many are assembled again.
+/// Chosen: they take seconds.
 const BYTES_TOGETHER: u64 = 256 << 20;
 
 /// The copies of one state of the drive.

@@ -42,7 +42,7 @@ const SLICES_M: [(f64, f64); 5] = [(0.15, 0.9), (0.6, 1.4), (1.1, 1.9), (1.6, 2.
 /// Largest diagonal of a piece in the plane, in metres. Wider pieces are foliage.
 const WIDTH_M: f64 = 0.75;
 /// The same in a forest, for a piece that is mostly tree: a stem of 0.7 m has a diagonal of 1 m. On streets
-/// this width would take bushes for trunks: trees downtown have F1 0.922 with it and 0.950 without.
+/// this width would classify bushes as trunks: trees downtown have F1 0.922 with it and 0.950 without.
 const STEM_WIDTH_M: f64 = 1.1;
 /// Smallest share of the height of its slice that a piece fills.
 const FILL: f64 = 0.6;

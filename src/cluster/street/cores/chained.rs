@@ -1,9 +1,10 @@
 //! Gives the voxels of chains the class of their chain: the voxels of its pieces, and those along its axis.
 //!
-//! The classifier takes branches above a sign for poles, but less surely than a real pole. Without this rule,
-//! a sign below a crown took these branches and grew to up to four times its size. So above its pieces, a
-//! pole takes only voxels that are surely pole or close to its axis. Other voxels around it that look like a
-//! pole, but not surely, are branches. `benches/results/street.md` has the study ("Branches above signs").
+//! The classifier confuses branches above a sign with poles, but is less sure than for a real pole. Without
+//! this rule, a sign below a crown took these branches and grew to up to four times its size. So above its
+//! pieces, a pole takes only voxels that are surely pole or close to its axis. Other voxels around it that
+//! look like a pole, but not surely, are branches. `benches/results/street.md` has the study ("Branches above
+//! signs").
 #![expect(
     clippy::cast_possible_truncation,
     reason = "heights above ground in lattice units and indices of voxels fit i32"
