@@ -504,7 +504,7 @@ fn a_setting_of_another_method_is_told_to_have_no_effect() {
     assert!(errors.contains("dbscan.epsilon = 1"), "{errors}");
     assert!(errors.contains("has no effect: the methods are"), "{errors}");
     assert!(!errors.contains("euclidean.min_points"), "{errors}");
-    assert!(errors.contains("the output ply is of surfaces, and euclidean finds none"), "{errors}");
+    assert!(errors.contains("the output ply needs surfaces, and euclidean finds none"), "{errors}");
 }
 
 /// The files of the export are as large as the drive.

@@ -41,7 +41,7 @@ pub enum BoostingError {
         what: String,
     },
     /// The model has another version of the format.
-    #[error("{origin} has version {found} of the model format, this program reads version {known}")]
+    #[error("{origin} has version {found} of the model format; this program reads version {known}")]
     Version {
         /// The file.
         origin: String,

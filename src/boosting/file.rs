@@ -140,7 +140,7 @@ mod tests {
         assert!(says(&bytes[..50]).contains("m.bin is damaged"));
         let mut newer = bytes;
         newer[8] = 9;
-        assert!(says(&newer).contains("version 9 of the model format, this program reads version 1"));
+        assert!(says(&newer).contains("version 9 of the model format; this program reads version 1"));
     }
 
     #[test]

@@ -74,8 +74,8 @@ impl Claim {
             return self;
         }
         warnings.push(format!(
-            "the coordinate system {:?} is {:?}, which coordinates up to {} cannot be; it is ignored and metres are \
-             assumed",
+            "the coordinate system {:?} is {:?}, but coordinates reach {}, which is impossible for it: it is ignored, \
+             and metres are assumed",
             self.name.unwrap_or_default(),
             self.kind,
             decimal(largest(0..3), 0)

@@ -109,7 +109,7 @@ pub enum OutputError {
         limit: usize,
     },
     /// Header and records before the points would be longer than the format allows.
-    #[error("{path}: {length} bytes before the points; at most 4294967295 are possible", path = path.display())]
+    #[error("{path} has {length} bytes before the points; at most 4294967295 are possible", path = path.display())]
     Header {
         /// The input file.
         path: PathBuf,
@@ -117,7 +117,7 @@ pub enum OutputError {
         length: usize,
     },
     /// More dimensions than one extra-bytes record can describe.
-    #[error("{path}: {count} extra dimensions, at most {limit} can be described", path = path.display())]
+    #[error("{path} has {count} extra dimensions; at most {limit} can be described", path = path.display())]
     Descriptors {
         /// The input file.
         path: PathBuf,
@@ -156,7 +156,7 @@ pub enum OutputError {
         written: u64,
     },
     /// Chunks were requested from a copy that is not compressed.
-    #[error("{name} is not compressed, it has no chunks")]
+    #[error("{name} is not compressed and has no chunks")]
     NotCompressed {
         /// Name of the copy.
         name: String,

@@ -28,8 +28,11 @@ impl Holder {
         if host != host::name() {
             return format!("process {process} on {host} (whether it runs can be seen only there)");
         }
-        let state =
-            if host::is_alive(*process) { "it runs" } else { "it has ended, its child may hold the lock" };
+        let state = if host::is_alive(*process) {
+            "it runs"
+        } else {
+            "it has ended, but its child may hold the lock"
+        };
         format!("process {process} on this host, {host} ({state})")
     }
 }

@@ -52,7 +52,7 @@ pub enum SurveyError {
     },
     /// Heights that differ by more than those of any landscape.
     #[error(
-        "heights range from {lowest_m:.0} m to {highest_m:.0} m, the largest range that can be processed is {limit_m:.0} m"
+        "heights range from {lowest_m:.0} m to {highest_m:.0} m; the largest range that can be processed is {limit_m:.0} m"
     )]
     Heights {
         /// Lowest height in metres.

@@ -10,7 +10,7 @@ pub(crate) fn warnings(config: &Config, method: &dyn Method) -> Result<Vec<Strin
     let is_named = |wanted: &str| output.files.iter().any(|file| file == wanted);
     let mut warnings = Vec::new();
     if is_named("ply") && !method.finds_surfaces() {
-        warnings.push(format!("the output ply is of surfaces, and {name} finds none: it is not written"));
+        warnings.push(format!("the output ply needs surfaces, and {name} finds none: it is not written"));
     }
     if is_named("charts") && method.charts().is_empty() {
         warnings.push(format!("the output charts has no effect: {name} draws none"));

@@ -158,7 +158,7 @@ fn changed(reason: &StaleReason) -> String {
     match (&reason.old, &reason.new) {
         (Some(old), Some(new)) => format!("{} changed from {old} to {new}{unit}", reason.name),
         (None, Some(new)) => format!("{} is new: {new}{unit}", reason.name),
-        (Some(old), None) => format!("{} was {old}{unit} and is not used any more", reason.name),
+        (Some(old), None) => format!("{} was {old}{unit} and is no longer used", reason.name),
         (None, None) => reason.name.clone(),
     }
 }
