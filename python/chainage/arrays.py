@@ -17,7 +17,7 @@ from chainage.settings import Value, assignments, full_name
 # Only the labelled points are read back.
 _OUTPUT: dict[str, Value | None] = {"output.files": ["points"], "output.report": False}
 _STEP_M = 0.001
-# Largest coordinate, that of files: beyond any position on earth.
+# Largest coordinate, the same as for files: beyond any position on earth.
 _FARTHEST = 2e8
 
 # Why settings cannot be given with an array: by section, or by full name.
@@ -45,7 +45,7 @@ def _settings(
 def _refuse_masked(name: str, values: Any) -> None:
     if np.ma.is_masked(values):
         row = np.argwhere(np.ma.getmaskarray(values))[0][0]
-        raise ValueError(f"{name}[{row}] is masked: must be without masked values, so remove or fill them")
+        raise ValueError(f"{name}[{row}] is masked: remove or fill the masked values")
 
 
 def _points(points: Any) -> tuple[npt.NDArray[np.float64], tuple[Any, Any, Any], tuple[Any, Any, Any]]:
@@ -93,7 +93,7 @@ def _label(points: Any, settings: list[str]) -> tuple[Any, Any, Any]:
 
 
 def cluster(xyz: Any, method: str = "euclidean", **settings: Value) -> npt.NDArray[np.uint32]:
-    """Group points into objects. All points are taken as points of objects: ground and noise are not looked for.
+    """Group points into objects. All points are treated as points of objects: ground and noise are not detected.
 
     Parameters
     ----------
@@ -169,13 +169,13 @@ def segment(
 
 
 def _codes(name: str, values: Any, dtype: type[np.integer[Any]]) -> npt.NDArray[Any]:
-    """One-dimensional integers as this type. Refuses what would change in it."""
+    """One-dimensional integers as this type. Refuses values that would change in it."""
     _refuse_masked(name, values)
     array = np.asarray(values)
     if array.shape == (0,) and isinstance(values, list | tuple):
         array = array.astype(dtype)  # numpy takes an empty list for floats
     if array.ndim != 1 or array.dtype.kind not in "iub":
-        raise ValueError(f"{name} has {array.ndim} dimensions of {array.dtype}: must be one, of integers")
+        raise ValueError(f"{name} is {array.ndim}-dimensional, of {array.dtype}: must be 1-dimensional, of integers")
     limits = np.iinfo(dtype)
     for row in (array.argmin(), array.argmax()) if array.size else ():
         if not limits.min <= int(array[row]) <= limits.max:

@@ -1,7 +1,7 @@
 """Process a drive on dask.distributed: ``python -m chainage.dask FILES -o OUT --workers N | --scheduler ADDRESS``.
 
 Dask starts the program ``chainage work`` for batches of units on its workers. The driver, this process, opens the run,
-completes each pass and hands out the next. Only numbers of units and texts travel through Dask.
+completes each pass and distributes the next. Only numbers of units and texts travel through Dask.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 
 from chainage.settings import mebibytes
 
-# A unit that fails so often fails for good.
+# After this many failures of a unit, the run ends.
 MOST_TRIES = 3
 # Batches per worker and pass. Chosen: few enough that starting the program is cheap, enough that no worker waits long.
 BATCHES_PER_WORKER = 4
@@ -40,7 +40,7 @@ REFUSED = {
 
 
 class Ended(Exception):
-    """The run cannot go on: an exit code and a text."""
+    """The run cannot continue: an exit code and a message."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)
@@ -57,7 +57,7 @@ def program() -> str:
 
 
 def compute(out: str, name: str, units: str, options: Sequence[str], folder: str) -> tuple[int, str]:
-    """Compute units in a process of its own, on a worker of Dask. Returns its exit code and what it said.
+    """Compute units in a process of its own, on a worker of Dask. Returns its exit code and its standard error.
 
     Settings may name files relative to `folder`, the working directory of the driver.
     """
@@ -132,7 +132,7 @@ def compute_pass(client, out: str, due: dict, options: Sequence[str], say) -> No
         if tries[batch] >= MOST_TRIES:
             failed = f"units {batch} of pass {name} failed {MOST_TRIES} times, the last time:\n{text.strip()}"
             raise Ended(max(code, 1), failed)
-        say(f"{name}: units {batch} failed with {code}, they are tried again")
+        say(f"{name}: units {batch} failed with {code} and are tried again")
         running.add(submit(batch))
 
 
@@ -221,7 +221,7 @@ def parsed(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[st
         "[default: half of the free memory of this host, divided by the workers]"
     )
     parser.add_argument("--memory", type=size, metavar="SIZE", help=memory)
-    wait = "look for files that other hosts have just written for so long [default: 60]"
+    wait = "wait this long for files that other hosts have just written [default: 60]"
     parser.add_argument("--wait", type=at_least(0), default=60, metavar="SECONDS", help=wait)
     parser.add_argument("-q", "--quiet", action="store_true", help="show failures only")
     args, further = parser.parse_known_args(arguments)
@@ -240,7 +240,7 @@ def connected(address):
 
     try:
         if isinstance(address, str):
-            # A client that has begun to connect to what is no address says more than one line.
+            # A client that has begun to connect to an invalid address prints more than one line.
             get_address_host(address)
         return Client(address, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -248,7 +248,7 @@ def connected(address):
 
 
 def resumes(code: int, out: str) -> bool:
-    """Whether the same command goes on with the run in `out` after it has ended with this exit code."""
+    """Whether the same command resumes the run in `out` after it has ended with this exit code."""
     return (code == LOCKED or code not in FINAL) and Path(out, ".chainage").is_dir()
 
 

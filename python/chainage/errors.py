@@ -85,7 +85,7 @@ _KINDS: dict[str, type[ChainageError]] = {
 
 @contextlib.contextmanager
 def raised() -> Iterator[None]:
-    """Turns a failure of the native part into the exception of its kind."""
+    """Turn a failure of the native part into the exception of its kind."""
     try:
         yield
     except _native.Failure as failure:
