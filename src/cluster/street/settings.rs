@@ -33,7 +33,7 @@ pub(crate) const CLASSES: usize = 8;
 pub enum Scene {
     /// Streets of many kinds.
     Street,
-    /// Tracks through forests and plantations. The model knows no buildings.
+    /// Tracks through forests and plantations. The model was trained without buildings and vehicles.
     Forest,
 }
 
