@@ -244,5 +244,5 @@ fn profile_heads_have_no_sweeps_and_a_spinning_head_has_no_twin() {
     );
     let mut settings = sweeps(Sensor::Spinning64, 3);
     settings.scanner.heads = 2;
-    assert_eq!(text(&settings), "heads = 2: must be 1, because a spinning head is alone");
+    assert_eq!(text(&settings), "heads = 2: must be 1, because a spinning scanner has one head");
 }

@@ -260,7 +260,7 @@ fn settings_and_folders_that_will_not_do_are_refused() {
     let wrong: [(Change, Change, &str); 7] = [
         (|_| {}, |scanner| scanner.strays = f64::NAN, "strays = NaN: must be 0 to 1"),
         (|_| {}, |scanner| scanner.divergence_mrad = -0.1, "divergence = -0.1: must be 0 to 100 mrad"),
-        (head, |scanner| scanner.heads = 2, "heads = 2: must be 1, because a spinning head is alone"),
+        (head, |scanner| scanner.heads = 2, "heads = 2: must be 1, because a spinning scanner has one head"),
         (head, |scanner| scanner.pulse_rate_hz = 500.0, "pulse-rate = 500: must be 1000 to 2000000 Hz"),
         (
             head,

@@ -248,7 +248,7 @@ impl Failure for InputError {
             Self::Read { .. } => return None,
             Self::Model { .. } => "chainage train writes a model; leave it out to use the built-in one",
             Self::NothingFound { .. } | Self::Pattern { .. } => {
-                "give files, folders with *.las or *.laz (folders below them with --recursive), or patterns in quotes"
+                "give files, folders with *.las or *.laz (some commands also search below them: --recursive), or patterns in quotes"
             }
             Self::Duplicate { .. } => "name every file once; a folder already names the files in it",
             Self::SameFile { .. } => "give only one of the two names: its points would count twice",

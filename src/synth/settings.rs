@@ -44,7 +44,7 @@ const LEAST_COLUMNS: f64 = 36.0;
 /// Refuses impossible figures of a spinning head.
 fn check_spinning(scanner: &Scanner, spinning: &Spinning) -> Result<(), ConfigError> {
     if scanner.heads != 1 {
-        return Err(ConfigError::value("heads", scanner.heads, "1, because a spinning head is alone"));
+        return Err(ConfigError::value("heads", scanner.heads, "1, because a spinning scanner has one head"));
     }
     // Points store the number of their beam in a byte.
     let beams: u64 = spinning.beams.iter().map(|(_, _, count)| u64::from(*count)).sum();
