@@ -33,8 +33,8 @@ pub(crate) struct Program {
 }
 
 const EXIT_CODES: &str = "Exit codes: 0 done, 1 bug, 2 usage, 3 configuration, 4 input, 5 writing, 6 state does not \
-match, 7 locked, 8 some tiles failed (the others are kept), 9 the compared files differ, 130 interrupted (the state is \
-kept)";
+match, 7 directory in use, 8 some tiles failed (the others are kept), 9 the compared files differ, 130 interrupted \
+(the state is kept)";
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
