@@ -232,7 +232,7 @@ pub(crate) fn payloads_of_last_step<D: Driver>(
     })
 }
 
-/// Ground, clusters, stitching, labelled files and tables.
+/// Ground, clusters, stitching, labelled copies and tables.
 pub(crate) fn to_files<D: Driver>(
     open: &Opened<'_>,
     driver: &mut D,

@@ -1,4 +1,4 @@
-//! Attribute `id`: the number of the object, as in the labelled files.
+//! Attribute `id`: the number of the object, as in the labelled copies.
 
 use crate::inventory::attributes::attribute::Attribute;
 use crate::inventory::object::Object;
