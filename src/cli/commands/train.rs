@@ -24,7 +24,7 @@ use crate::cli::{exit, interrupt, scratch};
 const USAGE: &str = "chainage train [OPTIONS] --out <MODEL> <DRIVES>...\n       \
                      chainage train [OPTIONS] --model <MODEL> --test <DRIVES>...";
 
-/// Learn the classes of `street` from labelled drives.
+/// Train a model of the method `street` on labelled drives.
 ///
 /// A labelled drive has the extra dimension gt_class (1 ground, 2 tree, 3 pole, 4 vehicle, 5 building, 6
 /// fence or hedge, 7 person or small furniture, 8 wire; 0 is not learned). Drives of `chainage synth` have
