@@ -171,6 +171,9 @@ fn the_program_repeats_the_rows_and_adds_a_column() {
             "{arguments:?}: {found} {stdout} {stderr}"
         );
     }
+    let (code, _, stderr) = run(&["--method", "p-linkage", "--epsilon", "1.5", "-o", "x.csv"]);
+    let told = "--epsilon = 1.5: must be left out: --method p-linkage does not use it";
+    assert!(code == 3 && stderr.contains(told), "{code} {stderr}");
 }
 
 #[test]

@@ -205,19 +205,27 @@ impl ClusterArgs {
     fn nothing_in_vain(&self) -> Result<(), ConfigError> {
         let DbscanArgs { variant, epsilon, k, min_points, max_points, svg: _ } = &self.dbscan;
         let PLinkageArgs { scale, merge } = &self.p_linkage;
-        let of_other: &[(&str, bool)] = match self.method {
-            Method::Dbscan => &[("--scale", *scale != SCALE), ("--merge", *merge)],
-            Method::PLinkage => &[
-                ("--variant", matches!(variant, Variant::Core)),
-                ("--epsilon", matches!(epsilon, EpsilonChoice::Given(_))),
-                ("--k", *k != epsilon::FIRST_K as u64),
-                ("--min-points", *min_points != MIN_POINTS),
-                ("--max-points", *max_points != 0),
+        let epsilon_given = match epsilon {
+            EpsilonChoice::Given(epsilon) => Some(epsilon.to_string()),
+            EpsilonChoice::Auto => None,
+        };
+        let of_other: Vec<(&'static str, Option<String>)> = match self.method {
+            Method::Dbscan => vec![
+                ("--scale", (*scale != SCALE).then(|| scale.to_string())),
+                ("--merge", merge.then(|| merge.to_string())),
+            ],
+            Method::PLinkage => vec![
+                ("--variant", matches!(variant, Variant::Core).then(|| "core".to_owned())),
+                ("--epsilon", epsilon_given),
+                ("--k", (*k != epsilon::FIRST_K as u64).then(|| k.to_string())),
+                ("--min-points", (*min_points != MIN_POINTS).then(|| min_points.to_string())),
+                ("--max-points", (*max_points != 0).then(|| max_points.to_string())),
             ],
         };
-        if let Some((option, _)) = of_other.iter().find(|(_, changed)| *changed) {
+        let changed = |(option, value): (&'static str, Option<String>)| Some((option, value?));
+        if let Some((option, value)) = of_other.into_iter().find_map(changed) {
             let expected = format!("left out: --method {} does not use it", self.method.name());
-            return Err(ConfigError::value(*option, "given", expected));
+            return Err(ConfigError::value(option, value, expected));
         }
         let estimated = self.method == Method::Dbscan && matches!(self.dbscan.epsilon, EpsilonChoice::Auto);
         match &self.dbscan.svg {
