@@ -54,8 +54,8 @@ function fillRun(panel, run, page) {
     ["Above the ground", share(result.counts.object)], [capital(THINGS.many), shown(result.objects)], ["Tiles", shown(result.tiles)],
     [`Wall time${call}`, seconds(result.seconds)], ["Speed", before ? null : `${shown(result.points / Math.max(1e-9, result.seconds) / 1e6, 2)} M points/s`],
     [`Peak memory${call}`, result.peak_resident_bytes && mebibytes(result.peak_resident_bytes)],
-    ["Chainage", sectionWords(result)], ["Axis", lengthWords(run.axis.length_m)], ["Axis from", run.axis.source === "principal" ? "the longest direction of the points: it may not be a road" : run.axis.source.replace("-", " ")], ["Coordinates in", unitWords()],
-  ]), before ? el("p", { class: "note" }, `The last call resumed ${shown(before)} of ${shown(units)} units from earlier calls. Time and memory are those of the last call. It did not process all points, so that no speed is given.`) : null, el("p", { class: "note" }, page.sample.sentence)));
+    ["Chainage", sectionWords(result)], ["Axis", lengthWords(run.axis.length_m)], ["Axis from", run.axis.source === "principal" ? "the principal axis of the points: it may not follow the road" : run.axis.source.replace("-", " ")], ["Coordinates in", unitWords()],
+  ]), before ? el("p", { class: "note" }, `The last call resumed ${shown(before)} of ${shown(units)} units from earlier calls. Time and memory are those of the last call. It did not process all points, so no speed is given.`) : null, el("p", { class: "note" }, page.sample.sentence)));
   const longest = Math.max(1e-9, ...result.passes.map((pass) => pass.seconds));
   parts.push(el("section", { class: "block" }, el("h2", {}, "Passes"), el("div", { class: "bars" }, ...result.passes.flatMap((pass) => {
     const bar = el("i");
