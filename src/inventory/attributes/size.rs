@@ -1,7 +1,7 @@
 //! Attribute `size`: the box of least area in the plane.
 
 use crate::inventory::attributes::attribute::Attribute;
-use crate::inventory::measures::{Rectangle, least_area};
+use crate::inventory::measures::{Rectangle, box_of_body};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
@@ -16,7 +16,8 @@ impl Attribute for Size {
                 name: "length_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "longer side of the box of least area around the object in the plane",
+                definition: "longer side of the box of least area around the object in the plane; of a vehicle, without \
+                             single points beside it",
             },
             Column {
                 name: "width_m",
@@ -35,8 +36,11 @@ impl Attribute for Size {
     }
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
-        let Rectangle { length, width, azimuth_deg, .. } = least_area(&object.part.hull);
-        values.extend([length, width].map(|side| Value::Decimal(side * object.site.lattice.step_m())));
+        let Object { part, kind, measures, frames, .. } = object;
+        let lattice = object.site.lattice;
+        let Rectangle { length, width, azimuth_deg, .. } =
+            box_of_body(part, *kind, measures, frames, lattice);
+        values.extend([length, width].map(|side| Value::Decimal(side * lattice.step_m())));
         values.push(azimuth_deg.into());
     }
 }

@@ -3,10 +3,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::body::box_of_body;
 use super::classes::{BUILDING, POLE, TREE, VEHICLE};
 use super::parts::{Frames, Measures};
 use super::profile::Ends;
-use super::rectangle::least_area;
 use super::sketch::Heights;
 use super::stem::Stem;
 use super::stem_axis::StemAxis;
@@ -114,7 +114,10 @@ impl Foot {
                 let place = match (kind.class, tree) {
                     (TREE, Some(_)) if is_low => middle_of_extents(whole, lattice),
                     (TREE, Some(tree)) => tree.without_stem(),
-                    (VEHICLE, _) => least_area(&whole.hull).middle.map(|value| value * lattice.step_m()),
+                    (VEHICLE, _) => {
+                        let around = box_of_body(whole, kind, measures, frames, lattice);
+                        around.middle.map(|value| value * lattice.step_m())
+                    }
                     _ => part.middle,
                 };
                 let (place, ground_m) = match fronts.middle(whole, site) {

@@ -1,6 +1,7 @@
 //! What the inventory measures on the points of an object: sketches that tiles collect and merge exactly, and
 //! the geometry that is derived from the sketches of a whole object. No columns, no files, no tiles.
 
+mod body;
 mod circle;
 mod classes;
 mod crest;
@@ -17,6 +18,7 @@ mod stem;
 mod stem_axis;
 mod tree_foot;
 
+pub(super) use body::box_of_body;
 pub(super) use circle::Circle;
 pub(super) use classes::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use crest::crest_m;
@@ -28,4 +30,4 @@ pub(super) use outline::{Polygon, outline};
 pub(super) use parts::Frames;
 pub use parts::Measures;
 pub(super) use profile::Ends;
-pub(super) use rectangle::{Rectangle, least_area};
+pub(super) use rectangle::Rectangle;

@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::classes::{POLE, TREE};
+use super::body::Extremes;
+use super::classes::{POLE, TREE, VEHICLE};
 use super::profile::Slice;
 use super::sketch::{Frame, Heights, Sketch, Sums, by_object};
 use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
@@ -48,6 +49,7 @@ pub(crate) struct Frames {
     /// Highest lattice z of a stem. `None` if the object has none.
     stem_to: Option<i64>,
     has_crown: bool,
+    has_body: bool,
 }
 
 impl Frames {
@@ -71,6 +73,7 @@ impl Frames {
             profile: frame(SLICE_EDGE_M),
             stem_to,
             has_crown: kind.class == TREE,
+            has_body: kind.class == VEHICLE,
         }
     }
 }
@@ -86,6 +89,8 @@ pub struct Measures {
     pub(crate) crown: Sketch<()>,
     /// Points by height.
     pub(crate) profile: Sketch<Slice>,
+    /// The points of a vehicle in the cells of the plan. Empty for other classes.
+    pub(crate) body: Sketch<Extremes>,
 }
 
 impl Measures {
@@ -96,6 +101,7 @@ impl Measures {
             stem: Sketch::empty(&frames.stem),
             crown: Sketch::empty(&frames.crown),
             profile: Sketch::empty(&frames.profile),
+            body: Sketch::empty(&frames.plan),
         }
     }
 
@@ -106,6 +112,10 @@ impl Measures {
             let [i, j, _] = frames.plan.key(*point);
             ([i, j, 0], Heights { lowest: point[2], highest: point[2] })
         };
+        let extremes = |point: &[i64; 3]| {
+            let [i, j, _] = frames.plan.key(*point);
+            ([i, j, 0], Extremes::of(*point))
+        };
         let slice = |point: &[i64; 3]| {
             let [_, _, k] = frames.profile.key(*point);
             ([0, 0, k], Slice { points: 1, lowest: point[2], highest: point[2] })
@@ -115,6 +125,7 @@ impl Measures {
             (frames.stem.key(*point), Sums { points: 1, sum })
         };
         let of_stem = |point: &&[i64; 3]| frames.stem_to.is_some_and(|top| point[2] <= top);
+        let of_body: &[[i64; 3]] = if frames.has_body { points } else { &[] };
         let of_crown: &[[i64; 3]] = if frames.has_crown { points } else { &[] };
         Self {
             plan: Sketch::of(&frames.plan, points.iter().map(cell).collect(), PLAN_CELLS),
@@ -125,6 +136,7 @@ impl Measures {
                 CROWN_VOXELS,
             ),
             profile: Sketch::of(&frames.profile, points.iter().map(slice).collect(), SLICES),
+            body: Sketch::of(&frames.plan, of_body.iter().map(extremes).collect(), PLAN_CELLS),
         }
     }
 
@@ -161,6 +173,7 @@ impl Measures {
         self.stem.merge(other.stem, STEM_VOXELS);
         self.crown.merge(other.crown, CROWN_VOXELS);
         self.profile.merge(other.profile, SLICES);
+        self.body.merge(other.body, PLAN_CELLS);
     }
 }
 

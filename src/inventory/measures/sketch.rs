@@ -52,6 +52,11 @@ impl Frame {
         [0, 1, 2].map(|k| (((point[k] - self.corner[k]) / self.edge) >> self.first_level) as u32)
     }
 
+    /// The voxel of a point of the object at a level, which is not below the lowest of the frame.
+    pub(crate) fn key_at(&self, level: u8, point: [i64; 3]) -> Key {
+        self.key(point).map(|index| index >> (level - self.first_level))
+    }
+
     /// Lattice coordinate of the middle of a voxel along an axis, doubled, so that it is an integer.
     pub(crate) fn doubled_middle(&self, level: u8, axis: usize, index: u32) -> i64 {
         2 * self.corner[axis] + (2 * i64::from(index) + 1) * self.edge_at(level)
