@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use chainage::input::{Catalog, InputOptions, LengthUnit};
+
 use crate::util::drive::{Labelled, drive, scratch, settings};
 use crate::util::las::{Point, Shape};
 use crate::util::method_run::MethodRun;
@@ -168,8 +170,8 @@ fn check_cubes(path: &Path) -> usize {
     let number = |at: usize| f64::from_le_bytes(word(&bytes, at as u64));
     let info = 375 + 54;
     let (centre, halfsize) = ([0, 1, 2].map(|axis| number(info + 8 * axis)), number(info + 24));
-    let options = chainage::input::InputOptions { mmap: true, unit: chainage::input::LengthUnit::Auto };
-    let catalog = chainage::input::Catalog::open(&[path.to_owned()], &options).expect("opens");
+    let options = InputOptions { mmap: true, unit: LengthUnit::Auto };
+    let catalog = Catalog::open(&[path.to_owned()], &options).expect("opens");
     let file = &catalog.files()[0];
     let nodes: Vec<_> = nodes(&bytes).into_iter().filter(|(_, count)| *count > 0).collect();
     assert_eq!(nodes.len(), file.blocks().len());
@@ -362,4 +364,25 @@ fn heights_may_have_another_unit_than_x_and_y() {
         }
         assert!(2.0 * halfsize < 180.0 * 4.0, "{name}: {halfsize}");
     }
+}
+
+/// GeoTIFF keys: UTM in metres (26918), heights in US survey feet (6360).
+#[test]
+fn heights_keep_the_unit_that_only_keys_give() {
+    let folder = scratch();
+    let input = folder.path().join("keys.las");
+    let keys: [u16; 16] = [1, 1, 0, 3, 1_024, 0, 1, 1, 3_072, 0, 1, 26_918, 4_096, 0, 1, 6_360];
+    let keys = keys.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let records = vec![("LASF_Projection", 34_735, keys)];
+    let tower = (0..9_000).map(|n| Point::at([40_000 + n % 7 * 100, n % 11 * 100, 20_000 + n * 13]));
+    let ground = (0..40_000).map(|n| Point::at([n % 200 * 900, n / 200 * 900, 20_000]));
+    let points: Vec<Point> = ground.chain(tower).collect();
+    Shape { records, ..Shape::default() }.write(&input, &points);
+    let out = folder.path().join("out");
+    let inputs = [input];
+    run(&inputs, &out, &["tiling.tile_length=12"]);
+    let units_m = |file: PathBuf| Catalog::open(&[file], &InputOptions::default()).expect("opens").units_m();
+    let [read, written] = [inputs[0].clone(), out.join(NAME)].map(units_m);
+    let same = read.iter().zip(written).all(|(read, written)| (read / written - 1.0).abs() < 1e-9);
+    assert!(same && read[2] < 0.31, "{read:?} {written:?}");
 }

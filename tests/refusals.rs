@@ -495,6 +495,41 @@ fn a_system_that_is_not_understood_is_told_and_its_text_is_kept() {
     assert!(catalog.warnings()[0].contains("(GeoTIFF keys)"), "{:?}", catalog.warnings());
 }
 
+/// Units of x and y and of heights in metres, and the text for outputs.
+fn units_and_text(bytes: &[u8]) -> ([f64; 2], String) {
+    let catalog = open_bytes(bytes).expect("accepted");
+    let crs = catalog.crs();
+    ([crs.horizontal_unit_m, crs.vertical_unit_m], crs.text().expect("a text").to_owned())
+}
+
+#[test]
+fn heights_that_only_keys_describe_are_in_the_text_for_outputs() {
+    let survey_foot = 1_200.0 / 3_937.0;
+    let keys = |keys: &[(u16, u16)]| {
+        let count = u16::try_from(keys.len()).expect("few");
+        let words =
+            [1, 1, 0, count].into_iter().chain(keys.iter().flat_map(|(id, value)| [*id, 0, 1, *value]));
+        with_record(34_735, &words.flat_map(u16::to_le_bytes).collect::<Vec<u8>>())
+    };
+    for (entries, units_m, part) in [
+        // UTM 18 in metres with NAVD88 in US survey feet, by code and unit, and by unit alone.
+        (vec![(3072, 26_918), (4096, 6360), (4099, 9003)], [1.0, survey_foot], "\"NAVD88 height (ftUS)\""),
+        (vec![(3072, 26_918), (4099, 9003)], [1.0, survey_foot], "\"unknown\""),
+        // New York in US survey feet with NAVD88 in metres.
+        (vec![(3072, 2263), (4096, 5703), (4099, 9001)], [survey_foot, 1.0], "\"NAVD88 height\""),
+        (vec![(3072, 25_832), (4096, 7837)], [1.0, 1.0], "\"EPSG:7837\""),
+    ] {
+        let (found, text) = units_and_text(&keys(&entries));
+        let agree = |found: [f64; 2]| found.iter().zip(units_m).all(|(a, b)| (a / b - 1.0).abs() < 1e-9);
+        assert!(agree(found), "{entries:?}: {found:?}");
+        assert!(text.starts_with("COMPD_CS[") && text.contains(&format!("VERT_CS[{part}")), "{text}");
+        let (again, same) = units_and_text(&with_wkt(&text));
+        assert!(agree(again) && same == text, "{again:?} {same}");
+    }
+    let (_, plane) = units_and_text(&keys(&[(3072, 25_832)]));
+    assert!(plane.starts_with("PROJCS["), "{plane}");
+}
+
 /// From byte 179 on, a header has the largest and the smallest x, then those of y and z.
 #[test]
 fn boxes_that_no_points_can_have_are_named_with_their_numbers() {

@@ -3,6 +3,7 @@
 
 use super::crs_claim::{Claim, CrsKind, claim_of_keys, claim_of_wkt};
 use super::crs_records::{geo_keys, wkt_text};
+use super::crs_text::with_heights;
 use super::header::Header;
 use super::mapped::ByteSource;
 use super::projection::{Projection, definition, without_codes};
@@ -20,6 +21,7 @@ const NOT_UNDERSTOOD: &str = "given but not understood";
 pub struct Crs {
     /// The well-known text, if the file has one. If `epsg` is unknown, the text contains no code either:
     /// other programs would look the code up and ignore the rest. A text that is not understood is unchanged.
+    /// If only the keys of the file describe heights, this is the text of x, y and heights together.
     pub wkt: Option<String>,
     /// Whether the file describes its system, but no record of it is understood.
     pub not_understood: bool,
@@ -133,7 +135,7 @@ impl Crs {
         Self { wkt: None, vertical_unit_m: unit_m, ..self }
     }
 
-    /// Well-known text for an output: that of the file, or that of the EPSG dataset for its code.
+    /// Well-known text for an output: that of the file, or that of the EPSG dataset for its codes.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         self.wkt.as_deref().or_else(|| definition(self.epsg?))
@@ -173,7 +175,9 @@ impl Crs {
         let text = text.filter(|_| claim != Claim::default());
         let text = text.map(|text| if claim.epsg.is_none() { without_codes(text) } else { text });
         claim.warn_about_unit(warnings);
-        Self::of(claim, text)
+        let with_heights = with_heights(text.as_deref(), &claim);
+        let crs = Self::of(claim, text);
+        Self { wkt: with_heights.or(crs.wkt), ..crs }
     }
 
     /// The system of a file whose records are not understood. Outputs keep the text as it is.

@@ -26,6 +26,7 @@ pub(crate) mod copc;
 mod crs;
 mod crs_claim;
 mod crs_records;
+mod crs_text;
 pub(crate) mod decode;
 mod epsg_units;
 mod error;

@@ -82,6 +82,14 @@ impl Node {
     }
 }
 
+/// The part of a text that is the first node with this keyword.
+pub(crate) fn node_text<'a>(text: &'a str, keyword: &str) -> Option<&'a str> {
+    let part = &text[text.find(&format!("{keyword}["))?..];
+    let mut parser = Parser { rest: part, depth: 0 };
+    parser.value()?;
+    Some(&part[..part.len() - parser.rest.len()])
+}
+
 /// A text without `,AUTHORITY["EPSG","..."]` or `,ID["EPSG",...]` of these codes. The rest stays as written.
 pub(crate) fn without_codes(text: &str, codes: &[u32]) -> String {
     let mut kept = String::with_capacity(text.len());
@@ -216,6 +224,16 @@ mod tests {
         assert_eq!(without_codes(text, &[6]), text);
         assert_eq!(without_codes("P[\"x\",ID[\"EPSG\",7,CITATION[\"c\"]]]", &[7]), "P[\"x\"]");
         assert_eq!(without_codes("P[\"x\",ID[\"EPSG\",7", &[7]), "P[\"x\",ID[\"EPSG\",7");
+    }
+
+    #[test]
+    fn parts_of_a_text_are_found_by_their_keywords() {
+        let text = "COMPD_CS[\"c]\",P[\"p\",U[\"m]\",1]] , VERT_CS[\"v\",U[\"m\",1]]]\0";
+        assert_eq!(node_text(text, "P"), Some("P[\"p\",U[\"m]\",1]]"));
+        assert_eq!(node_text(text, "VERT_CS"), Some("VERT_CS[\"v\",U[\"m\",1]]"));
+        assert_eq!(node_text(text, "COMPD_CS"), text.strip_suffix('\0'));
+        assert_eq!(node_text(text, "PROJCS"), None);
+        assert_eq!(node_text("P[\"p\"", "P"), None);
     }
 
     #[test]
