@@ -530,6 +530,23 @@ fn heights_that_only_keys_describe_are_in_the_text_for_outputs() {
     assert!(plane.starts_with("PROJCS["), "{plane}");
 }
 
+#[test]
+fn a_compound_system_has_its_own_code_and_not_that_of_its_horizontal_part() {
+    let plane = "PROJCS[\"UTM 32\",UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"25832\"]]";
+    let compound = |end: &str| {
+        with_wkt(&format!("COMPD_CS[\"UTM 32 + v\",{plane},VERT_CS[\"v\",UNIT[\"metre\",1]]{end}]"))
+    };
+    for (bytes, description, code) in [
+        (with_wkt(plane), "UTM 32 (EPSG:25832)", Some(25_832)),
+        (compound(",AUTHORITY[\"EPSG\",\"5555\"]"), "UTM 32 + v (EPSG:5555)", Some(5_555)),
+        (compound(""), "UTM 32 + v", None),
+    ] {
+        let catalog = open_bytes(&bytes).expect("accepted");
+        let crs = catalog.crs();
+        assert_eq!((crs.description.as_str(), crs.epsg, crs.text_epsg()), (description, Some(25_832), code));
+    }
+}
+
 /// From byte 179 on, a header has the largest and the smallest x, then those of y and z.
 #[test]
 fn boxes_that_no_points_can_have_are_named_with_their_numbers() {

@@ -3,7 +3,7 @@
 
 use super::crs_claim::{Claim, CrsKind, claim_of_keys, claim_of_wkt};
 use super::crs_records::{geo_keys, wkt_text};
-use super::crs_text::with_heights;
+use super::crs_text::{code_of, with_heights};
 use super::header::Header;
 use super::mapped::ByteSource;
 use super::projection::{Projection, definition, without_codes};
@@ -141,6 +141,12 @@ impl Crs {
         self.wkt.as_deref().or_else(|| definition(self.epsg?))
     }
 
+    /// EPSG code of all that [`Self::text`] describes, which may be more than the horizontal system.
+    #[must_use]
+    pub fn text_epsg(&self) -> Option<u32> {
+        self.wkt.as_deref().map_or(self.epsg, |text| code_of(text, self.epsg))
+    }
+
     /// The system named by the records of a file. Records that are not understood become warnings.
     pub(crate) fn read(header: &Header, source: &ByteSource, warnings: &mut Vec<String>) -> Self {
         let text = wkt_text(header, source);
@@ -194,7 +200,10 @@ impl Crs {
     /// The system that a claim describes, with its well-known text.
     fn of(claim: Claim, wkt: Option<String>) -> Self {
         let [horizontal_unit_m, vertical_unit_m] = claim.units_m();
-        let description = match (&claim.name, claim.epsg) {
+        // A system without a name is called by the code of x and y.
+        let named = claim.name.as_ref().and(wkt.as_deref());
+        let code = named.map_or(claim.epsg, |text| code_of(text, claim.epsg));
+        let description = match (&claim.name, code) {
             (Some(name), Some(code)) => format!("{name} (EPSG:{code})"),
             (Some(name), None) => name.clone(),
             (None, Some(code)) => format!("EPSG:{code}"),

@@ -45,6 +45,16 @@ pub(super) fn with_heights(text: Option<&str>, claim: &Claim) -> Option<String> 
     Some(format!("COMPD_CS[\"{name}\",{},{vertical}]", node_text(plane, "PROJCS")?))
 }
 
+/// The code of all that a text describes, `horizontal` being that of x and y. A compound or bound system is
+/// more than its horizontal part, and programs that know a code do not read the text beside it.
+pub(super) fn code_of(text: &str, horizontal: Option<u32>) -> Option<u32> {
+    let root = Node::parse(text)?;
+    match root.keyword.as_str() {
+        "COMPD_CS" | "COMPOUNDCRS" | "BOUNDCRS" => root.epsg().filter(|code| definition(*code).is_some()),
+        _ => horizontal,
+    }
+}
+
 /// The text of a vertical system: that of the EPSG dataset, or its unit and its code, if it has one.
 fn vertical_text(code: Option<u32>, unit_m: f64) -> String {
     if let Some(text) = code.and_then(|code| VERTICAL_SYSTEMS.get(&code)) {
@@ -140,6 +150,25 @@ mod tests {
                  AXIS[\"Up\",UP]]]"
             )
         );
+    }
+
+    #[test]
+    fn a_text_has_the_code_of_its_outermost_system() {
+        let plane = "PROJCS[\"p\",UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"25832\"]]";
+        let compound = |end: &str| format!("COMPD_CS[\"c\",{plane},VERT_CS[\"v\",UNIT[\"metre\",1]]{end}]");
+        for (text, code) in [
+            (plane.to_owned(), Some(25_832)),
+            // The code is in the keys.
+            ("PROJCS[\"p\",UNIT[\"metre\",1]]".to_owned(), Some(25_832)),
+            (compound(""), None),
+            (compound(",AUTHORITY[\"EPSG\",\"5555\"]"), Some(5_555)),
+            // No code of the dataset.
+            (compound(",AUTHORITY[\"EPSG\",\"65000\"]"), None),
+            ("COMPOUNDCRS[\"c\",PROJCRS[\"p\"],VERTCRS[\"v\"],ID[\"EPSG\",7415]]".to_owned(), Some(7_415)),
+            (format!("BOUNDCRS[SOURCECRS[{plane}],TARGETCRS[GEOGCRS[\"w\",ID[\"EPSG\",4326]]]]"), None),
+        ] {
+            assert_eq!(code_of(&text, Some(25_832)), code, "{text}");
+        }
     }
 
     #[test]

@@ -38,10 +38,12 @@ pub struct TileShape {
 /// The facts of the whole drive. Formats without room for them leave them out.
 #[derive(Debug, Clone, Default)]
 pub struct DriveShape<'a> {
-    /// EPSG code of the coordinate system, when known.
+    /// EPSG code of the horizontal coordinate system, when known.
     pub epsg: Option<u32>,
     /// The coordinate system as the files describe it, when they do.
     pub wkt: Option<&'a str>,
+    /// EPSG code of all that this text describes, when known.
+    pub wkt_epsg: Option<u32>,
     /// Stretches of the axis: x, y in the units of the input, and chainage in metres.
     pub axis: Vec<Vec<[f64; 3]>>,
     /// The tiles of the run.

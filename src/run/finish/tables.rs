@@ -95,7 +95,7 @@ fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'
             outline: inventory::around_cells(&plan.core(number)).into_iter().map(corner).collect(),
         })
         .collect();
-    DriveShape { epsg: crs.epsg, wkt: crs.text(), axis, tiles }
+    DriveShape { epsg: crs.epsg, wkt: crs.text(), wkt_epsg: crs.text_epsg(), axis, tiles }
 }
 
 /// The stretches of the axis that are processed: vertices in metres, with their chainage.

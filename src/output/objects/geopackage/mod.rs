@@ -47,8 +47,8 @@ impl ObjectFormat for GeoPackage {
 
 fn fill(database: &mut Connection, table: &ObjectTable<'_>) -> io::Result<()> {
     let all = database.transaction().map_err(io::Error::other)?;
-    let DriveShape { epsg, wkt, ref axis, ref tiles } = *table.drive;
-    let srs = Srs::of(epsg, wkt);
+    let DriveShape { wkt_epsg, wkt, ref axis, ref tiles, .. } = *table.drive;
+    let srs = Srs::of(wkt_epsg, wkt);
     schema::begin(&all, &srs).map_err(io::Error::other)?;
     let class = table.columns.iter().any(|column| column.name == CLASS).then_some(CLASS);
     let id = table.columns.first().map(|column| column.name);
@@ -199,6 +199,7 @@ mod tests {
         DriveShape {
             epsg: None,
             wkt: Some("LOCAL_CS[\"a <b> & 'c'\"]"),
+            wkt_epsg: None,
             axis: vec![vec![[0.0, 0.0, 0.0], [3.0, 4.0, 5.0]]],
             tiles: vec![TileShape {
                 number: 0,
@@ -288,6 +289,28 @@ mod tests {
         assert_eq!(database.query_row(srs, [], |row| row.get::<_, i32>(0)).unwrap(), -1);
         let bounds = "SELECT count(*) FROM gpkg_contents WHERE min_x IS NULL";
         assert_eq!(database.query_row(bounds, [], |row| row.get::<_, i32>(0)).unwrap(), 5);
+    }
+
+    #[test]
+    fn the_row_of_the_system_has_the_code_of_the_whole_text() {
+        let folder = tempfile::tempdir().unwrap();
+        for (wkt_epsg, expected) in [
+            (Some(25_832), ("EPSG:25832", "EPSG", 25_832)),
+            (Some(5_555), ("EPSG:5555", "EPSG", 5_555)),
+            // A reader that knows the code of x and y would not read the text.
+            (None, ("of the point files", "NONE", 100_000)),
+        ] {
+            let path = folder.path().join(format!("{}.gpkg", expected.2));
+            let drive = DriveShape { epsg: Some(25_832), wkt_epsg, ..drive() };
+            write(&[car()], &drive, &path);
+            let database = Connection::open(&path).unwrap();
+            let query = "SELECT DISTINCT srs_name, organization, organization_coordsys_id, s.srs_id
+                         FROM gpkg_spatial_ref_sys s JOIN gpkg_geometry_columns USING (srs_id)";
+            let row = |row: &rusqlite::Row<'_>| Ok((row.get(0)?, row.get(1)?, row.get(2)?, row.get(3)?));
+            let found: (String, String, i32, i32) = database.query_row(query, [], row).unwrap();
+            let (name, organization, id) = expected;
+            assert_eq!(found, (name.to_owned(), organization.to_owned(), id, id));
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ const MARK: &str = "PRAGMA application_id = 1196444487; PRAGMA user_version = 10
 /// The time of the last change, which the standard requires. It is constant, so that the same rows give the
 /// same bytes.
 const CHANGED: &str = "2000-01-01T00:00:00.000Z";
-/// Number of a coordinate system without EPSG code.
+/// Number of a coordinate system without an EPSG code for the whole of it.
 const OWN_SRS: i32 = 100_000;
 /// Number of an unknown coordinate system in a plane (clause 1.1.2.1.2).
 const UNKNOWN_SRS: i32 = -1;
@@ -62,7 +62,8 @@ pub(super) struct Srs<'a> {
 }
 
 impl<'a> Srs<'a> {
-    /// The system with this EPSG code and text.
+    /// The system with this text, and the EPSG code of all that the text describes: readers that know the
+    /// code ignore the text.
     pub(super) fn of(epsg: Option<u32>, wkt: Option<&'a str>) -> Self {
         let id = match (epsg.and_then(|epsg| i32::try_from(epsg).ok()), wkt) {
             (Some(epsg), _) => epsg,
