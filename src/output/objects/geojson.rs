@@ -18,9 +18,9 @@ use crate::model::{Column, Value};
 use crate::output::objects::number::{OUTLINE_PLACES, places, rounded};
 use crate::output::objects::table::{ObjectFormat, ObjectRow, ObjectTable, stream};
 
-/// A surface is upright if its area seen from above is less than this part of its area: it leans by less
-/// than 3 degrees. Chosen: of 369 surfaces of the sample, those of up to 0.01 crossed themselves, because
-/// their vertices are rounded to a millimetre.
+/// A surface is upright if its area seen from above is less than this part of its area, both in square
+/// metres: it leans by less than 3 degrees. Chosen: of 369 surfaces of the sample, those of up to 0.01
+/// crossed themselves, because their vertices are rounded to a millimetre.
 const UPRIGHT: f64 = 0.052_335_956;
 
 /// The format.
@@ -48,15 +48,16 @@ fn collection(table: &ObjectTable<'_>, out: &mut dyn Write) -> io::Result<()> {
     for (index, row) in table.rows().enumerate() {
         line.clear();
         line.extend_from_slice(if index == 0 { b"\n" } else { b",\n" });
-        serde_json::to_writer(&mut line, &feature(table.columns, row?))?;
+        serde_json::to_writer(&mut line, &feature(table, row?))?;
         out.write_all(&line)?;
     }
     writeln!(out, "\n]}}")
 }
 
-fn feature(columns: &[Column], row: ObjectRow<'_>) -> Feature {
-    let geometry = geometry(&row.outline, &row.heights).map(Geometry::new);
-    let properties: JsonObject = columns
+fn feature(table: &ObjectTable<'_>, row: ObjectRow<'_>) -> Feature {
+    let geometry = geometry(&row.outline, &row.heights, table.drive.units_m).map(Geometry::new);
+    let properties: JsonObject = table
+        .columns
         .iter()
         .zip(row.values)
         .map(|(column, value)| (column.name.to_owned(), property(column, value)))
@@ -79,8 +80,8 @@ fn property(column: &Column, value: Value<'_>) -> JsonValue {
 }
 
 /// The outline as a polygon, a line or a point, by its number of vertices; none when it has none. Positions
-/// have a z if there are heights.
-fn geometry(outline: &[[f64; 2]], heights: &[f64]) -> Option<GeometryValue> {
+/// have a z if there are heights. `units_m`: metres per unit of x, y and z.
+fn geometry(outline: &[[f64; 2]], heights: &[f64], units_m: [f64; 3]) -> Option<GeometryValue> {
     let written = |value: f64| rounded(value, OUTLINE_PLACES).unwrap_or(0.0);
     let position = |at: usize| {
         let z = heights.get(at).copied();
@@ -100,6 +101,9 @@ fn geometry(outline: &[[f64; 2]], heights: &[f64]) -> Option<GeometryValue> {
                 positions.reverse();
             }
             positions.push(positions[0].clone());
+            // In square metres, each is multiplied by the units of the two other axes. All are divided by the
+            // units of x and y here, so that a drive in one unit is not rounded.
+            let [x, y] = [x * (units_m[2] / units_m[0]), y * (units_m[2] / units_m[1])];
             match z.abs() < UPRIGHT * x.hypot(y).hypot(z) {
                 true => GeometryValue::LineString { coordinates: positions },
                 false => GeometryValue::Polygon { coordinates: vec![positions] },
@@ -175,8 +179,9 @@ mod tests {
     #[test]
     fn outlines_become_polygons_lines_and_points() {
         let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-        let text =
-            |outline: &[[f64; 2]]| geometry(outline, &[]).map(|value| Geometry::new(value).to_string());
+        let text = |outline: &[[f64; 2]]| {
+            geometry(outline, &[], [1.0; 3]).map(|value| Geometry::new(value).to_string())
+        };
         assert_eq!(text(&[]), None);
         assert_eq!(text(&[a]).unwrap(), r#"{"type":"Point","coordinates":[0.0,0.0]}"#);
         assert_eq!(text(&[a, b]).unwrap(), r#"{"type":"LineString","coordinates":[[0.0,0.0],[1.0,0.0]]}"#);
@@ -190,7 +195,7 @@ mod tests {
     fn upright_surfaces_become_closed_lines_and_rings_are_counter_clockwise() {
         let [a, b, c] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
         let text = |outline: &[[f64; 2]], heights: &[f64]| {
-            Geometry::new(geometry(outline, heights).unwrap()).to_string()
+            Geometry::new(geometry(outline, heights, [1.0; 3]).unwrap()).to_string()
         };
         let wall = "[[0.0,0.0,0.0],[1.0,0.0,0.0],[1.0,0.0,2.0],[0.0,0.0,2.0],[0.0,0.0,0.0]]";
         let line = format!(r#"{{"type":"LineString","coordinates":{wall}}}"#);
@@ -202,6 +207,25 @@ mod tests {
         let below = text(&[a, c, b], &[5.0, 5.0, 5.0]);
         let above = "[[1.0,0.0,5.0],[0.0,1.0,5.0],[0.0,0.0,5.0],[1.0,0.0,5.0]]";
         assert_eq!(below, format!(r#"{{"type":"Polygon","coordinates":[{above}]}}"#));
+    }
+
+    /// The same wall of 2 m with the heights or the plane in feet: it leans by 2, 4 and 8 degrees.
+    #[test]
+    fn whether_a_surface_is_upright_does_not_depend_on_the_units() {
+        let foot = 0.304_8;
+        for (degrees, expected) in [(2.0_f64, "LineString"), (4.0, "Polygon"), (8.0, "Polygon")] {
+            let away = 2.0 * degrees.to_radians().tan();
+            for units_m in [[1.0; 3], [foot; 3], [1.0, 1.0, foot], [foot, foot, 1.0]] {
+                // Along x, and then along y.
+                for turn in [|[x, y]: [f64; 2]| [x, y], |[x, y]: [f64; 2]| [y, x]] {
+                    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, away], [0.0, away]].map(turn);
+                    let outline = corners.map(|[x, y]| [x / units_m[0], y / units_m[1]]);
+                    let heights = [0.0, 0.0, 2.0, 2.0].map(|z| z / units_m[2]);
+                    let found = Geometry::new(geometry(&outline, &heights, units_m).unwrap()).to_string();
+                    assert!(found.contains(expected), "{degrees} {units_m:?}: {found}");
+                }
+            }
+        }
     }
 
     #[test]

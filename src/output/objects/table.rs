@@ -36,7 +36,7 @@ pub struct TileShape {
 }
 
 /// The facts of the whole drive. Formats without room for them leave them out.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct DriveShape<'a> {
     /// EPSG code of the horizontal coordinate system, when known.
     pub epsg: Option<u32>,
@@ -44,10 +44,19 @@ pub struct DriveShape<'a> {
     pub wkt: Option<&'a str>,
     /// EPSG code of all that this text describes, when known.
     pub wkt_epsg: Option<u32>,
+    /// Metres per unit of x, y and z.
+    pub units_m: [f64; 3],
     /// Stretches of the axis: x, y in the units of the input, and chainage in metres.
     pub axis: Vec<Vec<[f64; 3]>>,
     /// The tiles of the run.
     pub tiles: Vec<TileShape>,
+}
+
+impl Default for DriveShape<'_> {
+    /// A drive in metres of which nothing else is known.
+    fn default() -> Self {
+        Self { epsg: None, wkt: None, units_m: [1.0; 3], axis: Vec::new(), tiles: Vec::new() }
+    }
 }
 
 /// A table of objects. Rows are made one at a time, so that a table may be larger than memory.

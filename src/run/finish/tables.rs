@@ -75,7 +75,8 @@ fn write_formats(
 /// The axis and the tiles in the units of the input.
 fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'a> {
     let crs = drive.catalog.crs();
-    let [unit_m, ..] = drive.catalog.units_m();
+    let units_m = drive.catalog.units_m();
+    let [unit_m, ..] = units_m;
     let in_units = |(place, chainage_m): ([f64; 2], f64)| [place[0] / unit_m, place[1] / unit_m, chainage_m];
     let axis = processed_stretches(surveyed)
         .into_iter()
@@ -95,7 +96,7 @@ fn shape<'a>(drive: &'a Drive, surveyed: &Surveyed, plan: &Plan) -> DriveShape<'
             outline: inventory::around_cells(&plan.core(number)).into_iter().map(corner).collect(),
         })
         .collect();
-    DriveShape { epsg: crs.epsg, wkt: crs.text(), wkt_epsg: crs.text_epsg(), axis, tiles }
+    DriveShape { epsg: crs.epsg, wkt: crs.text(), wkt_epsg: crs.text_epsg(), units_m, axis, tiles }
 }
 
 /// The stretches of the axis that are processed: vertices in metres, with their chainage.

@@ -207,6 +207,7 @@ mod tests {
                 points: 9,
                 outline: vec![[0.0, 0.0], [4.0, 0.0], [4.0, 5.0], [0.0, 5.0]],
             }],
+            ..DriveShape::default()
         }
     }
 
