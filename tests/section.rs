@@ -171,6 +171,26 @@ fn tiles_do_not_show_in_a_section_and_other_files_are_not_copied() {
     assert_same_outputs(&one, &again, "after the whole drive");
 }
 
+/// The vertices of the axis are about 1 m apart, so the ends of a section are mostly between two of them.
+#[test]
+fn the_axis_of_a_section_ends_where_the_section_ends() {
+    let folder = scratch();
+    let files = files(folder.path());
+    for (name, [from, to]) in [("long", [80.4, 119.7]), ("short", [80.2, 80.8]), ("within", [100.1, 100.3])] {
+        let out = folder.path().join(name);
+        let section = [format!("tiling.from={from:?}"), format!("tiling.to={to:?}")];
+        let list = [&section[..], &settings(&["output.files=[\"report\"]"])].concat();
+        drive(&files, &out, &list).expect("a run");
+        let page = std::fs::read_to_string(out.join("report.html")).expect("the page");
+        let (_, rest) = page.split_once("id=\"data-page\">").expect("the part");
+        let part = rest.split_once("</script>").expect("its end").0;
+        let facts: serde_json::Value = serde_json::from_str(part).expect("JSON");
+        let stations = facts["axis"][0]["s"].as_array().expect("an axis");
+        let ends = [stations.first(), stations.last()].map(|end| end.and_then(serde_json::Value::as_f64));
+        assert_eq!(ends, [Some(from), Some(to)], "{stations:?}");
+    }
+}
+
 /// A method, the setting for a value that is estimated over all points, and the value in a run.
 type OverAll = (&'static str, &'static str, fn(&RunSummary) -> f64);
 
