@@ -2,7 +2,10 @@
 
 use crate::inventory::measures::{Face, Polygon};
 use crate::inventory::site::Site;
-use crate::model::{Column, ColumnType, ColumnUnit, ObjectPart, Plane, Value};
+use crate::model::{Column, ColumnType, ColumnUnit, ObjectPart, Plane, Value, rounded};
+
+/// Decimal places of the normal.
+const NORMAL_PLACES: u8 = 9;
 
 const fn decimal(name: &'static str, places: u8, unit: ColumnUnit, definition: &'static str) -> Column {
     Column { name, column_type: ColumnType::Decimal { places }, unit, definition }
@@ -28,12 +31,17 @@ pub const SURFACE_COLUMNS: &[Column] = &[
     ),
     decimal(
         "normal_x",
-        9,
+        NORMAL_PLACES,
         ColumnUnit::None,
         "unit normal of the plane, in metres along the axes of the input",
     ),
-    decimal("normal_y", 9, ColumnUnit::None, "the same along y; positive if the plane is upright"),
-    decimal("normal_z", 9, ColumnUnit::None, "the same along z; never negative"),
+    decimal(
+        "normal_y",
+        NORMAL_PLACES,
+        ColumnUnit::None,
+        "the same along y; positive if the plane is upright",
+    ),
+    decimal("normal_z", NORMAL_PLACES, ColumnUnit::None, "the same along z; never negative"),
     decimal(
         "plane_offset_m",
         3,
@@ -84,7 +92,8 @@ impl SurfaceRow {
         let ring = vertices.map(|place| in_input(plane.lattice_point(*place))).collect();
         let centre = site.input_point(plane.centre);
         let metres = plane.centre.map(|value| lattice.metres(value));
-        let [x, y, z] = plane.normal;
+        // As it is written: its last digit moves a plane that is 5,000 km away from the origin by millimetres.
+        let [x, y, z] = plane.normal.map(|value| rounded(value, NORMAL_PLACES).unwrap_or(value));
         let offset = x * metres[0] + y * metres[1] + z * metres[2];
         let flatness = plane.flatness_units2 * lattice.step_m() * lattice.step_m();
         let mut values = vec![
@@ -137,5 +146,39 @@ mod tests {
             let near = |a: [f64; 3], b: [f64; 3]| (0..3).all(|axis| (a[axis] - b[axis]).abs() < 0.06);
             assert!(near(low, [0.0, 3.048, 0.0]) && near(high, [1.98, 3.048, 0.98]), "{low:?} {high:?}");
         }
+    }
+
+    #[test]
+    fn the_plane_as_it_is_written_goes_through_its_centre() {
+        let centre = [651_234_567, 5_432_109_876, 481_234];
+        // Multiples of the root of 14, whose digits do not end.
+        let normal = [2.0, 3.0, 1.0].map(|part: f64| part / 14_f64.sqrt());
+        let plane = Plane { centre, normal, flatness_units2: 4.0, points: 400 };
+        let points: Vec<[i64; 3]> =
+            (0..20).flat_map(|u| (0..20).map(move |v| plane_point(&plane, [u * 20, v * 20]))).collect();
+        let cloud = TileCloud::from_lattice_points(Lattice::MILLIMETRE, &points);
+        let objects = vec![1; points.len()];
+        let part = ObjectPart::collect(&cloud, &objects, 1, |_| true, |_| FileId::new(0)).remove(0);
+        let face = Face::collect(&cloud, &objects, |_| true, |_| Some((&part, &plane))).remove(0).1;
+        let terrain = terrain_at(&[]);
+        let row = SurfaceRow::new(1, &part, &plane, &face, &site(&terrain, METRES));
+        let written = |name: &str| {
+            let at = SURFACE_COLUMNS.iter().position(|column| column.name == name).unwrap();
+            match (SURFACE_COLUMNS[at].column_type, &row.values[at]) {
+                (ColumnType::Decimal { places }, Value::Decimal(value)) => rounded(*value, places).unwrap(),
+                other => panic!("{name}: {other:?}"),
+            }
+        };
+        let product: f64 = ["x", "y", "z"]
+            .map(|k| written(&format!("normal_{k}")) * written(&format!("centre_{k}")))
+            .iter()
+            .sum();
+        let away = (product - written("plane_offset_m")).abs();
+        assert!(away < 0.000_51, "the plane is {away} m away from its centre");
+    }
+
+    fn plane_point(plane: &Plane, place: [i64; 2]) -> [i64; 3] {
+        #[expect(clippy::cast_possible_truncation, reason = "coordinates of a test")]
+        plane.lattice_point(place).map(|value| value.round() as i64)
     }
 }

@@ -63,6 +63,13 @@ impl Column {
     }
 }
 
+/// The value rounded to this many places, without a negative zero; `None` if it is not finite.
+pub(crate) fn rounded(value: f64, places: u8) -> Option<f64> {
+    // An integer power is exact; `powi` does not promise that.
+    let scale = f64::from(10_u32.saturating_pow(places.into()));
+    value.is_finite().then(|| (value * scale).round() / scale + 0.0)
+}
+
 /// The type of the values of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ColumnType {

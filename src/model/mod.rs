@@ -38,6 +38,7 @@ pub(crate) use chance::{Chance, GOLDEN_GAMMA, splitmix64};
 pub use chart::{Chart, ChartAxis, Series};
 pub use class::PointClass;
 pub use cloud::{TileCloud, VoxelGrid};
+pub(crate) use column::rounded;
 pub use column::{Column, ColumnType, ColumnUnit, Value};
 pub use error::AlgorithmError;
 pub use field::{Field, FieldSums};

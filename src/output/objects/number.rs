@@ -2,6 +2,7 @@
 //! one field.
 
 use crate::model::ColumnType;
+pub(crate) use crate::model::rounded;
 
 /// Decimal places of coordinates in outlines. The coordinates are in units of the input: three places are
 /// millimetres or less.
@@ -13,13 +14,6 @@ pub(crate) fn places(column_type: ColumnType) -> u8 {
         ColumnType::Decimal { places } => places,
         _ => 0,
     }
-}
-
-/// The value rounded to this many places, without a negative zero; `None` if it is not finite.
-pub(crate) fn rounded(value: f64, places: u8) -> Option<f64> {
-    // An integer power is exact; `powi` does not promise that.
-    let scale = f64::from(10_u32.saturating_pow(places.into()));
-    value.is_finite().then(|| (value * scale).round() / scale + 0.0)
 }
 
 /// A list in one field, joined by `;`. A `;` or `%` in an item is percent-encoded (RFC 3986, section 2.1), so
