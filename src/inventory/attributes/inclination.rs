@@ -1,8 +1,12 @@
 //! Attribute `inclination`: how far a pole or the stem of a tree leans, and in which direction.
 
 use crate::inventory::attributes::attribute::Attribute;
+use crate::inventory::attributes::direction::within_turn;
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
+
+/// Decimal places of the direction.
+const AZIMUTH_PLACES: u8 = 1;
 
 /// The attribute.
 #[derive(Debug)]
@@ -21,7 +25,7 @@ impl Attribute for Inclination {
             },
             Column {
                 name: "inclination_azimuth_deg",
-                column_type: ColumnType::Decimal { places: 1 },
+                column_type: ColumnType::Decimal { places: AZIMUTH_PLACES },
                 unit: ColumnUnit::Degree,
                 definition: "direction in which the pole or stem leans, clockwise from north (the y axis), \
                              0 to 360",
@@ -33,7 +37,7 @@ impl Attribute for Inclination {
         // Only trees and poles have a stem.
         let axis = object.foot.stem.as_ref().map(|(_, axis)| axis).filter(|axis| axis.has_direction);
         values.push(axis.map(|axis| axis.inclination_deg()).into());
-        values.push(axis.map(|axis| axis.azimuth_deg()).into());
+        values.push(axis.map(|axis| within_turn(axis.azimuth_deg(), 360.0, AZIMUTH_PLACES)).into());
     }
 }
 

@@ -7,6 +7,7 @@ mod class;
 mod clearance;
 mod crown_size;
 mod cut;
+mod direction;
 mod extent;
 mod files;
 mod footprint;
