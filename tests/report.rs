@@ -184,6 +184,12 @@ fn outputs_that_are_not_chosen_are_left_out() {
     assert_eq!(call("report"), [".chainage", "report.html", "report.json"]);
     // The same points are sampled without labelled copies as with them.
     assert_eq!(part(&page(&out), "points"), part(&complete, "points"));
+    // The page names the table only beside the table.
+    let named = [&complete, &page(&out)].map(|page| {
+        ["figures are in report.json and objects.csv.", "objects.csv has them."]
+            .map(|text| page.contains(text))
+    });
+    assert_eq!(named, [[true; 2], [false; 2]]);
     assert_eq!(call("csv"), [".chainage", "objects.csv", "report.json"]);
     assert_eq!(call("points"), [".chainage", "report.json", "tree_road_sweep.laz"]);
     assert_eq!(call(all), whole);

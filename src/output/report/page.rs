@@ -37,6 +37,9 @@ const SCRIPT: [&str; 16] = [
     include_str!("page/app.js"),
 ];
 
+/// What markup and script say about `objects.csv`. A page without this table leaves it out.
+const OF_CSV: [&str; 2] = [" and objects.csv", " objects.csv has them."];
+
 /// The classes of objects: their names and codes.
 const CLASSES: &str = include_str!("../../../config/classes.toml");
 
@@ -129,6 +132,8 @@ pub(crate) struct Page<'a> {
     pub(crate) points: Vec<SamplePoint>,
     /// The file with all points, if the run writes one.
     pub(crate) cloud: Option<PageCloud>,
+    /// Whether the run writes `objects.csv`.
+    pub(crate) csv: bool,
     /// Points of the drive.
     pub(crate) all_points: u64,
     /// The content of `report.json`, with the tiles.
@@ -142,7 +147,8 @@ impl Page<'_> {
     /// # Errors
     /// Errors of `out`.
     pub(crate) fn write(mut self, out: &mut dyn Write) -> io::Result<()> {
-        let script = format!("\"use strict\";\n{}", SCRIPT.join("\n"));
+        let script = self.said(&format!("\"use strict\";\n{}", SCRIPT.join("\n")));
+        let markup = self.said(MARKUP);
         let run = json(self.run)?;
         // Only a page whose points can be streamed may send requests, and only to its own server.
         let connect = if self.cloud.is_some() { " connect-src 'self';" } else { "" };
@@ -153,7 +159,7 @@ impl Page<'_> {
         );
         let heading = self.title.replace('&', "&amp;").replace('<', "&lt;");
         let title = format!("chainage: {heading}");
-        let fixed = MARKUP.len()
+        let fixed = markup.len()
             + STYLE.len()
             + [&script, &run, &self.table.packed, &policy, &title, &heading]
                 .map(String::len)
@@ -186,7 +192,13 @@ impl Page<'_> {
             ("points", &points),
             ("script", &script),
         ];
-        fill(MARKUP, &parts, out)
+        fill(&markup, &parts, out)
+    }
+
+    /// A text of the program as this page has it.
+    fn said(&self, text: &str) -> String {
+        let left_out: &[&str] = if self.csv { &[] } else { &OF_CSV };
+        left_out.iter().fold(text.to_owned(), |text, words| text.replace(words, ""))
     }
 
     /// The facts that the script reads first. They do not depend on tiles, threads or time.
@@ -241,9 +253,10 @@ impl Page<'_> {
         if shown < all {
             let limit = self.limit_bytes as f64 / 1e6;
             text.push_str(&format!(
-                " The page is limited to {limit:.0} MB: the table has the {} of {} with most points, objects.csv has all.",
+                " The page is limited to {limit:.0} MB: the table has the {} of {} with most points{}.",
                 separated(shown as u64),
-                counted(all as u64, what)
+                counted(all as u64, what),
+                if self.csv { ", objects.csv has all" } else { "" }
             ));
         }
         text
@@ -347,21 +360,51 @@ mod tests {
         table: &PageTable,
         limit_bytes: u64,
     ) -> String {
-        let page = Page {
-            cloud,
+        let run = json!({"warnings": ["</script><script>alert(1)</script>"]});
+        text_of(Page { cloud, points, ..page(table, &run, limit_bytes) })
+    }
+
+    fn page<'a>(table: &'a PageTable, run: &'a Value, limit_bytes: u64) -> Page<'a> {
+        Page {
+            cloud: None,
+            csv: true,
             title: "a <b> & c".to_owned(),
             files: String::new(),
             units: ["m", "m"].map(str::to_owned),
             axis: Vec::new(),
             table,
-            points,
+            points: Vec::new(),
             all_points: 1_000_000,
-            run: &json!({"warnings": ["</script><script>alert(1)</script>"]}),
+            run,
             limit_bytes,
-        };
+        }
+    }
+
+    fn text_of(page: Page<'_>) -> String {
         let mut out = Vec::new();
         page.write(&mut out).unwrap();
         String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn a_page_names_objects_csv_only_if_the_run_writes_it() {
+        let program = [MARKUP, &SCRIPT.join("\n")].concat();
+        let said = OF_CSV.map(|words| program.matches(words).count());
+        assert_eq!(said, [1, 1], "each text is said in one place");
+        // So small that rows are left out.
+        let limit = written(Vec::new(), &table(0, 1 << 20), 1 << 20).len() as u64 + 60_000;
+        let (table, run) = (table(20_000, limit), json!({}));
+        let found = [true, false].map(|csv| {
+            let text = text_of(Page { csv, ..page(&table, &run, limit) });
+            assert!(text.contains("The same figures are in report.json"));
+            // The policy fits the script.
+            let between = |from: &str, to: &str| text.split_once(from).unwrap().1.split_once(to).unwrap().0;
+            assert!(text.contains(&format!("script-src {};", source_of(between("<script>", "</script>")))));
+            let sentence = text.contains(" objects with most points, objects.csv has all.");
+            assert_eq!(sentence, !text.contains(" objects with most points.\""));
+            [sentence, text.contains(OF_CSV[0]), text.contains(OF_CSV[1])]
+        });
+        assert_eq!(found, [[true; 3], [false; 3]]);
     }
 
     #[test]
@@ -411,21 +454,8 @@ mod tests {
     #[test]
     fn the_sentence_counts_noise_as_left_out() {
         let table = table(1, 1 << 20);
-        let said = |run: Value, count| {
-            let page = Page {
-                cloud: None,
-                title: String::new(),
-                files: String::new(),
-                units: ["m", "m"].map(str::to_owned),
-                axis: Vec::new(),
-                table: &table,
-                points: Vec::new(),
-                all_points: 71_841,
-                run: &run,
-                limit_bytes: 1 << 20,
-            };
-            page.sentence(count)
-        };
+        let said =
+            |run: Value, count| Page { all_points: 71_841, ..page(&table, &run, 1 << 20) }.sentence(count);
         let counts = |low: u64, high: u64| json!({"low_noise": low, "high_noise": high});
         let run = |low, high| json!({"result": {"counts": counts(low, high)}});
         let surfaces = json!({"result": {"surfaces": true, "counts": counts(110, 3)}});

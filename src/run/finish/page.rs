@@ -78,6 +78,7 @@ pub(crate) fn write_page(
         table: &content.table,
         points: content.points,
         cloud: open.config.output.writes("copc").then(|| cloud(&open.drive, surveyed)),
+        csv: open.config.output.writes("csv"),
         all_points: plan.points_inside(),
         run: &run,
         limit_bytes,
