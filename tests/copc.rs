@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use chainage::input::{Catalog, InputOptions, LengthUnit};
+use chainage::input::{Catalog, Fields, InputOptions, LengthUnit};
 
 use crate::util::drive::{Labelled, drive, scratch, settings};
 use crate::util::las::{Point, Shape};
@@ -137,6 +137,43 @@ fn files_of_other_formats_scales_and_offsets_become_one() {
     nodes(&std::fs::read(out.join(NAME)).expect("the file"));
 }
 
+/// Class 12 of formats 0 to 5 means overlap points. Formats 6 to 10 reserve it, and have a flag for them.
+#[test]
+fn overlap_points_of_old_formats_get_the_flag_of_the_new_ones() {
+    let folder = scratch();
+    let points: Vec<Point> = (0..400).map(|n| Point::at([n % 20 * 250, n / 20 * 250, 0])).collect();
+    let mut bytes = Shape { format: 1, ..Shape::default() }.bytes(&points);
+    let first = u32::from_le_bytes(word(&bytes, 96)) as usize;
+    // Class with flags: overlap, overlap and key point, the largest class, key point.
+    let old = [12, 12 | 1 << 6, 31, 1 | 1 << 6];
+    for (at, record) in bytes[first..].chunks_exact_mut(28).enumerate() {
+        record[15] = old[at % 4];
+    }
+    let path = folder.path().join("old.las");
+    std::fs::write(&path, bytes).expect("written");
+    let out = folder.path().join("out");
+    let kept = ["cluster.method=euclidean", "ground.method=none", "noise.enabled=false"];
+    run(std::slice::from_ref(&path), &out, &kept);
+    // The number of points with each pair of the byte at 15 and the byte after it.
+    let pairs = |name: &str| {
+        let catalog = Catalog::open(&[out.join(name)], &InputOptions::default()).expect("opens");
+        let file = &catalog.files()[0];
+        let (mut found, mut buffer) = (BTreeMap::new(), Vec::new());
+        for block in 0..file.blocks().len() {
+            let records = file.records(block, Fields::All, &mut buffer).expect("records");
+            for record in records.chunks_exact(file.layout().record_len) {
+                *found.entry([record[15], record[16]]).or_insert(0) += 1;
+            }
+        }
+        found
+    };
+    // Flags and class of format 6.
+    let expected = [([0, 31], 100), ([1 << 1, 1], 100), ([1 << 3, 1], 100), ([1 << 1 | 1 << 3, 1], 100)];
+    assert_eq!(pairs(NAME), BTreeMap::from(expected));
+    // Class with flags, and scan angle of format 1: the copy keeps them.
+    assert_eq!(pairs("old.las"), old.map(|class| ([class, 0], 100)).into());
+}
+
 #[test]
 fn a_section_has_its_own_points_only_and_the_file_goes_with_the_next_run_without_it() {
     let folder = scratch();
@@ -178,7 +215,7 @@ fn check_cubes(path: &Path) -> usize {
     let mut all = 0;
     for (block, (key, count)) in nodes.iter().enumerate() {
         let mut buffer = Vec::new();
-        let records = file.records(block, chainage::input::Fields::All, &mut buffer).expect("readable");
+        let records = file.records(block, Fields::All, &mut buffer).expect("readable");
         let records = records.chunks_exact(file.layout().record_len);
         assert_eq!(records.len(), usize::try_from(*count).expect("a count"));
         all += records.len();

@@ -37,8 +37,9 @@ const NUMBER_BYTES: usize = 4;
 /// The group of points that are not shown.
 const NOWHERE: u32 = u32::MAX;
 
-/// What the bytes of a unit mean. 2: columns follow from the written coordinates.
-const EPOCH: u32 = 2;
+/// What the bytes of a unit mean. 2: columns follow from the written coordinates. 3: overlap points of point
+/// formats 0 to 5 have the flag.
+const EPOCH: u32 = 3;
 
 /// The points depend on the values of all points and on the settings of the output, as the labelled copies
 /// do. Their columns follow from the tiles, on which these values depend.

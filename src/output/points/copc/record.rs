@@ -16,6 +16,11 @@ const BASE: usize = 30;
 const STANDARD_TIME: u16 = 1;
 /// The largest number of steps from the offset: 2^31 less some for rounding.
 const MOST_STEPS: f64 = (i32::MAX - 8) as f64;
+/// Class of overlap points in formats 0 to 5 (LAS 1.4 R15, table 9). Formats 6 to 10 reserve it and have the
+/// flag instead (tables 16 and 17).
+const OVERLAP_CLASS: u8 = 12;
+const OVERLAP: u8 = 1 << 3;
+const UNCLASSIFIED: u8 = 1;
 
 /// The format of the records of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -287,10 +292,10 @@ impl Conversion<'_> {
         }
         if self.layout.point_format >= 6 {
             out.extend(&record[12..BASE]);
+            out[start + 16] = class;
         } else {
-            self.modern(record, out);
+            self.modern(record, class, out);
         }
-        out[start + 16] = class;
         let (colour, infrared) = colours(self.layout.point_format);
         if self.format.point_format >= 7 {
             out.extend(colour.map_or([0; 6], |at| std::array::from_fn(|byte| record[at + byte])));
@@ -306,17 +311,18 @@ impl Conversion<'_> {
     }
 
     /// Bytes 12 to 29 of format 6, from a record of the formats 0 to 5 (LAS 1.4 R15, tables 7 and 16).
-    fn modern(&self, record: &[u8], out: &mut Vec<u8>) {
+    fn modern(&self, record: &[u8], class: u8, out: &mut Vec<u8>) {
         let returns = record[14];
+        let (class, overlap) = if class == OVERLAP_CLASS { (UNCLASSIFIED, OVERLAP) } else { (class, 0) };
         out.extend(&record[12..14]);
         out.push((returns & 7) | (returns >> 3 & 7) << 4);
         // The flags synthetic, key point and withheld move down; scan direction and edge of the flight line
         // stay.
-        out.push(record[15] >> 5 | (returns & 0xc0));
+        out.push(record[15] >> 5 | overlap | (returns & 0xc0));
         let degrees = f64::from(i8::from_le_bytes([record[16]]));
         #[expect(clippy::cast_possible_truncation, reason = "at most 128 / 0.006")]
         let angle = (degrees * STEPS_PER_DEGREE).round() as i16;
-        out.extend([0, record[17]]);
+        out.extend([class, record[17]]);
         out.extend(angle.to_le_bytes());
         out.extend(&record[18..20]);
         match self.layout.gps_time {
