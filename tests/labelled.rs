@@ -328,7 +328,8 @@ fn classes_that_the_run_decides_are_kept_by_no_other_point() {
     assert_eq!(new(&kept, [1; 8], object, 2), old);
 }
 
-/// A method without classes does not keep `object_class` of an earlier run.
+/// A method without classes does not keep `object_class` of an earlier run, unless it also keeps the objects
+/// to which these classes belong.
 #[test]
 fn a_method_without_classes_clears_those_of_an_earlier_run() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
@@ -350,6 +351,23 @@ fn a_method_without_classes_clears_those_of_an_earlier_run() {
     let mut out = Vec::new();
     plan.label(&with_classes, &truth.labels, &truth.classes, &[], &mut out);
     assert!(out.chunks_exact(size).all(|record| record[place] == 0));
+    // Surfaces have a dimension of their own, unless the user gives it the name of the objects.
+    let objects = labelled.layout().dimension("cluster_id").expect("the object").offset;
+    for (dimension, kept) in [("surface_id", true), ("cluster_id", false)] {
+        let surfaces =
+            LabelOptions { surfaces: true, dimension: dimension.into(), ..options(OutputFormat::Las) };
+        let plan = LabelledFile::plan(labelled, &surfaces).expect("a plan");
+        let new_labels = vec![77; truth.labels.len()];
+        let mut out = Vec::new();
+        plan.label(&with_classes, &new_labels, &truth.classes, &[], &mut out);
+        let records = out.chunks_exact(plan.record_len());
+        assert_eq!(records.len(), truth.labels.len());
+        for (record, label) in records.zip(&truth.labels) {
+            let object = u32::from_le_bytes(std::array::from_fn(|byte| record[objects + byte]));
+            let expected = if kept { (*label, 2) } else { (77, 0) };
+            assert_eq!((object, record[place]), expected, "{dimension}");
+        }
+    }
 }
 
 #[test]

@@ -25,7 +25,8 @@ pub struct LabelOptions {
     /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
     pub keep_original: bool,
     /// Whether the class of the object of a point is written to the dimension `object_class`. If not, and the
-    /// input has a dimension with this name, it gets 0.
+    /// input has a dimension with this name, it gets 0. It stays beside surfaces whose dimension is not
+    /// `cluster_id`, because it belongs to the objects there.
     pub object_class: bool,
 }
 

@@ -3,7 +3,7 @@
 
 use super::descriptor::{self, DESCRIPTOR, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS, ORIGINAL_CLASS_TEXT};
 use super::options::LabelOptions;
-use crate::config::LasCodes;
+use crate::config::{CLUSTER_ID, LasCodes};
 use crate::input::{InputFile, RecordLayout};
 use crate::model::{Hedge, Kind, PointClass};
 use crate::output::error::OutputError;
@@ -47,7 +47,8 @@ pub(super) struct RecordPlan {
     label: usize,
     /// Place of the original class (u8), if it is to be kept and the input does not keep it already.
     original_class: Option<usize>,
-    /// Place of the class of the object (u8), if the method classifies or the input has it.
+    /// Place of the class of the object (u8), if the method classifies, or if the input has it and it does not
+    /// belong to objects that the copy keeps.
     object_class: Option<usize>,
     /// Byte with the class, and the mask of its bits for the class; `None` if the class stays.
     class: Option<(usize, u8)>,
@@ -82,8 +83,11 @@ impl RecordPlan {
         // Whatever the input calls so stays as it is, unless the class is to be kept in it.
         let keep = options.keep_original && !keeps_original(input)?;
         let mut descriptors = Vec::new();
-        // The classes of an earlier run are overwritten: a method without classes writes 0.
+        // The classes of an earlier run are overwritten: a method without classes writes 0. Surfaces beside
+        // the objects of that run leave it these objects, and so their classes as well.
+        let beside = options.surfaces && options.dimension != CLUSTER_ID;
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
+            _ if beside && !options.object_class => None,
             Err(_) if !options.object_class => None,
             known => known?,
         };

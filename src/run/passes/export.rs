@@ -34,6 +34,8 @@ const NUMBER: u32 = 7;
 const NAME: &str = "export";
 /// Which points of a unit are sampled. 2: the first point of an object is there once.
 const SAMPLE_EPOCH: u32 = 2;
+/// What the labelled copies contain beside what the settings say. 1: `p-linkage` keeps `object_class`.
+const COPY_EPOCH: u32 = 1;
 
 /// Maximum number of points of one unit.
 pub(crate) const UNIT_POINTS: u64 = 1_000_000;
@@ -92,7 +94,8 @@ pub(crate) fn outline(relabel: &Outline, inventory: &Outline, config: &Config) -
     let depends = Inputs::new()
         .with("pass relabel", relabel.depends.fingerprint())
         .with("pass inventory", inventory.depends.fingerprint())
-        .with("sample epoch", SAMPLE_EPOCH);
+        .with("sample epoch", SAMPLE_EPOCH)
+        .with("copy epoch", COPY_EPOCH);
     Outline::new(NUMBER, NAME, with_section(depends, config, "output"))
 }
 
