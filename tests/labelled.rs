@@ -6,6 +6,9 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use chainage::Failure;
+use chainage::cluster::{
+    EuclideanConfig, Method, NormalizedCut, NormalizedCutConfig, Street, StreetConfig, WantedClass,
+};
 use chainage::input::{Catalog, Fields, InputFile, InputOptions, LengthUnit};
 use chainage::model::{Kind, PointClass};
 use chainage::output::{LabelOptions, LabelledFile, OutputError, OutputFormat, check_names};
@@ -288,44 +291,53 @@ fn classes_that_the_run_decides_are_kept_by_no_other_point() {
     let catalog = open(&path).expect("opens");
     let input = &catalog.files()[0];
     let size = input.layout().record_len;
-    let before = &records(input)[..8 * size];
+    let before = &records(input)[..9 * size];
     let place = input.layout().classification;
-    let of_run = |object_class| LabelOptions {
+    let of_run = |kinds: &[Kind]| LabelOptions {
         finds_ground: true,
         finds_noise: true,
-        object_class,
+        kinds: kinds.to_vec(),
         ..LabelOptions::default()
     };
-    // The classes of the points before: never classified, ground, three kinds of vegetation, building, two
-    // kinds of noise.
-    let old = [0, 2, 3, 4, 5, 6, 7, 18];
+    // The classes of the points before: never classified, ground, three kinds of vegetation, building, wire,
+    // two kinds of noise.
+    let old = [0, 2, 3, 4, 5, 6, 14, 7, 18];
     let mut classified = before.to_vec();
     classified.chunks_exact_mut(size).zip(old).for_each(|(record, class)| record[place] = class);
-    let new = |options: &LabelOptions, labels: [u32; 8], class: u8, kind: u8| {
+    let new = |options: &LabelOptions, labels: [u32; 9], class: u8, kind: u8| {
         let plan = LabelledFile::plan(input, options).expect("a plan");
-        let kinds = [Kind { class: kind, ..Kind::default() }; 8];
-        let kinds = if options.object_class { &kinds[..] } else { &[] };
+        let kinds = [Kind::new(kind, 0); 9];
+        let kinds = if options.kinds.is_empty() { &[] } else { &kinds[..] };
         let mut out = Vec::new();
-        plan.label(&classified, &labels, &[class; 8], kinds, &mut out);
+        plan.label(&classified, &labels, &[class; 9], kinds, &mut out);
         out.chunks_exact(plan.record_len()).map(|record| record[place]).collect::<Vec<_>>()
     };
     let [object, ground] = [PointClass::Object, PointClass::Ground].map(PointClass::code);
     // A method without classes keeps the classes of other programs, except ground and noise.
-    assert_eq!(new(&of_run(false), [1; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
-    assert_eq!(new(&of_run(false), [0; 8], object, 0), [0, 1, 3, 4, 5, 6, 1, 1]);
-    assert_eq!(new(&of_run(false), [0; 8], ground, 0), [2; 8]);
-    // Points of poles, and points without an object, are neither vegetation nor building.
-    assert_eq!(new(&of_run(true), [1; 8], object, 3), [0, 1, 1, 1, 1, 1, 1, 1]);
-    assert_eq!(new(&of_run(true), [0; 8], object, 0), [0, 1, 1, 1, 1, 1, 1, 1]);
-    assert_eq!(new(&of_run(true), [1; 8], object, 2), [5; 8]);
+    assert_eq!(new(&of_run(&[]), [1; 9], object, 0), [0, 1, 3, 4, 5, 6, 14, 1, 1]);
+    assert_eq!(new(&of_run(&[]), [0; 9], object, 0), [0, 1, 3, 4, 5, 6, 14, 1, 1]);
+    assert_eq!(new(&of_run(&[]), [0; 9], ground, 0), [2; 9]);
+    // Points of poles, and points without an object, are neither vegetation nor building nor wire.
+    let street = |config: &StreetConfig| of_run(&Street::new(config).expect("valid").kinds());
+    let all = street(&StreetConfig::default());
+    assert_eq!(new(&all, [1; 9], object, 3), [0, 1, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(new(&all, [0; 9], object, 0), [0, 1, 1, 1, 1, 1, 1, 1, 1]);
+    assert_eq!(new(&all, [1; 9], object, 2), [5; 9]);
+    // What the method does not find stays: hedges and wires, or everything but trees.
+    let cut = NormalizedCut::new(&NormalizedCutConfig::default(), &EuclideanConfig::default());
+    let cut = cut.expect("valid").kinds();
+    assert_eq!(new(&of_run(&cut), [0; 9], object, 0), [0, 1, 3, 4, 1, 1, 14, 1, 1]);
+    assert_eq!(new(&of_run(&cut), [1; 9], object, 9), [0, 1, 3, 4, 1, 1, 14, 1, 1]);
+    let trees = street(&StreetConfig { classes: vec![WantedClass::Tree], ..StreetConfig::default() });
+    assert_eq!(new(&trees, [0; 9], object, 0), [0, 1, 3, 4, 1, 6, 14, 1, 1]);
     // Outside a section, only the class of objects that reach there is decided.
-    assert_eq!(new(&of_run(true), [0; 8], PointClass::UNDECIDED, 0), old);
-    assert_eq!(new(&of_run(true), [1; 8], PointClass::UNDECIDED, 2), [5; 8]);
+    assert_eq!(new(&all, [0; 9], PointClass::UNDECIDED, 0), old);
+    assert_eq!(new(&all, [1; 9], PointClass::UNDECIDED, 2), [5; 9]);
     // Without a ground filter and without a search for noise, both stay.
-    let nothing = LabelOptions { finds_ground: false, finds_noise: false, ..of_run(false) };
-    assert_eq!(new(&nothing, [1; 8], object, 0), old);
-    let kept = LabelOptions { set_classification: false, ..of_run(true) };
-    assert_eq!(new(&kept, [1; 8], object, 2), old);
+    let nothing = LabelOptions { finds_ground: false, finds_noise: false, ..of_run(&[]) };
+    assert_eq!(new(&nothing, [1; 9], object, 0), old);
+    let kept = LabelOptions { set_classification: false, ..all };
+    assert_eq!(new(&kept, [1; 9], object, 2), old);
 }
 
 /// A method without classes does not keep `object_class` of an earlier run, unless it also keeps the objects
@@ -336,7 +348,7 @@ fn a_method_without_classes_clears_those_of_an_earlier_run() {
     let catalog = open(&path).expect("opens");
     let input = &catalog.files()[0];
     let folder = tempfile::tempdir().expect("a folder");
-    let named = LabelOptions { object_class: true, ..options(OutputFormat::Las) };
+    let named = LabelOptions { kinds: vec![Kind::new(2, 0)], ..options(OutputFormat::Las) };
     let plan = LabelledFile::plan(input, &named).expect("a plan");
     let truth = Truth::random(input.point_count(), 3);
     let copy = write(&plan, input, &records(input), &truth, folder.path());
@@ -464,7 +476,7 @@ fn a_dimension_that_is_not_needed_may_have_any_type() {
 
     std::fs::write(&path, with_extra_bytes(2, &[("object_class", 3, 0)])).expect("written");
     let catalog = open(&path).expect("opens");
-    let classifies = LabelOptions { object_class: true, ..LabelOptions::default() };
+    let classifies = LabelOptions { kinds: vec![Kind::new(2, 0)], ..LabelOptions::default() };
     let error = LabelledFile::plan(&catalog.files()[0], &classifies).expect_err("refused");
     let hint = Failure::hint(&error).expect("a hint");
     assert!(hint.contains("does not classify") && !hint.contains("output.dimension"), "{hint}");

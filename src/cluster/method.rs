@@ -205,9 +205,15 @@ pub trait Method: std::fmt::Debug + Send + Sync {
     /// The steps in their order. The last one runs once and labels points.
     fn steps(&self) -> &[Step];
 
-    /// Whether the method gives objects a class ([`Grouped::kinds`]).
+    /// The kinds of objects that the method can give ([`Grouped::kinds`]), with confidence 0. Empty from
+    /// methods that give objects no class.
+    fn kinds(&self) -> Vec<Kind> {
+        Vec::new()
+    }
+
+    /// Whether the method gives objects a class.
     fn classifies(&self) -> bool {
-        false
+        !self.kinds().is_empty()
     }
 
     /// Whether objects are surfaces with a plane ([`Grouped::planes`]).

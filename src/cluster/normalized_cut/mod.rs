@@ -47,7 +47,7 @@ use super::local::{self, Clusterer};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
-use crate::model::{Lattice, Reach};
+use crate::model::{Kind, Lattice, Reach};
 
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
@@ -125,8 +125,8 @@ impl Method for NormalizedCut {
         &STEPS
     }
 
-    fn classifies(&self) -> bool {
-        true
+    fn kinds(&self) -> Vec<Kind> {
+        tree_filter::CLASSES.map(|class| Kind::new(class, 0)).into()
     }
 
     fn microseconds_per_point(&self) -> f64 {

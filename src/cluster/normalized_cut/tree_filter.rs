@@ -20,6 +20,8 @@ const POLE: u8 = 3;
 const CAR: u8 = 4;
 const FACADE: u8 = 5;
 const OTHER: u8 = 9;
+/// All of them.
+pub(super) const CLASSES: [u8; 5] = [TREE, POLE, CAR, FACADE, OTHER];
 
 /// Measures of a part on voxels of one edge.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -69,7 +69,7 @@ use self::voxels::{stage_voxels, suits};
 use super::method::{BytesPer, ClusterEntry, DriveWindow, Mapped, Method, Reduced, Repeat, Step, TileWindow};
 use crate::config::{self, ConfigError};
 use crate::error::{Error, Result};
-use crate::model::{Lattice, Reach};
+use crate::model::{Kind, Lattice, Reach};
 
 pub(super) const ENTRY: ClusterEntry = ClusterEntry {
     name: NAME,
@@ -151,8 +151,8 @@ impl Method for Street {
         &STEPS
     }
 
-    fn classifies(&self) -> bool {
-        true
+    fn kinds(&self) -> Vec<Kind> {
+        self.config.kinds()
     }
 
     fn depends_on(&self, step: usize) -> Vec<(&'static str, String)> {

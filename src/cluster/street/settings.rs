@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use crate::config::ConfigError;
-use crate::model::Lattice;
+use crate::model::{Hedge, Kind, Lattice};
 
 /// Name of the method and of its section.
 pub(crate) const NAME: &str = "street";
@@ -120,6 +120,19 @@ impl StreetConfig {
     /// Whether objects of the class with this index get an id.
     pub(crate) fn wants(&self, class: u8) -> bool {
         self.classes.iter().any(|wanted| *wanted as u8 == class)
+    }
+
+    /// The kinds of the objects that get an id. Those of fences include hedges.
+    pub(crate) fn kinds(&self) -> Vec<Kind> {
+        let mut kinds = Vec::new();
+        for wanted in &self.classes {
+            let kind = Kind::new(*wanted as u8 + 1, 0);
+            kinds.push(kind);
+            if *wanted == WantedClass::Fence {
+                kinds.extend([Hedge::Low, Hedge::Medium].map(|hedge| Kind { hedge, ..kind }));
+            }
+        }
+        kinds
     }
 
     /// Checks every range.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::config::{CLUSTER_ID, LasCodes, OutputFormat};
+use crate::model::Kind;
 
 /// What labelled copies contain, and whether they are compressed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,10 +25,11 @@ pub struct LabelOptions {
     pub class_codes: LasCodes,
     /// Whether the class of the input is kept in a dimension of its own, `original_classification`.
     pub keep_original: bool,
-    /// Whether the class of the object of a point is written to the dimension `object_class`. If not, and the
-    /// input has a dimension with this name, it gets 0. It stays beside surfaces whose dimension is not
-    /// `cluster_id`, because it belongs to the objects there.
-    pub object_class: bool,
+    /// Kinds of objects that the method can give. If there are any, the class of the object of a point is
+    /// written to the dimension `object_class`. If not, and the input has a dimension with this name, it gets
+    /// 0. It stays beside surfaces whose dimension is not `cluster_id`, because it belongs to the objects
+    /// there. No other point keeps the LAS class of one of these kinds.
+    pub kinds: Vec<Kind>,
 }
 
 impl Default for LabelOptions {
@@ -41,7 +43,7 @@ impl Default for LabelOptions {
             finds_noise: false,
             class_codes: LasCodes::default(),
             keep_original: false,
-            object_class: false,
+            kinds: Vec::new(),
         }
     }
 }

@@ -86,12 +86,13 @@ impl RecordPlan {
         // The classes of an earlier run are overwritten: a method without classes writes 0. Surfaces beside
         // the objects of that run leave it these objects, and so their classes as well.
         let beside = options.surfaces && options.dimension != CLUSTER_ID;
+        let classifies = !options.kinds.is_empty();
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
-            _ if beside && !options.object_class => None,
-            Err(_) if !options.object_class => None,
+            _ if beside && !classifies => None,
+            Err(_) if !classifies => None,
             known => known?,
         };
-        let classify = options.object_class && known.is_none();
+        let classify = classifies && known.is_none();
         if label.is_none() || keep || classify {
             descriptors.extend(descriptor::undescribed(layout));
         }
@@ -133,10 +134,10 @@ impl RecordPlan {
             [LOW_VEGETATION, MEDIUM_VEGETATION].map(|code| options.class_codes.of_hedges().unwrap_or(code));
         let of_ground = options.finds_ground.then_some([GROUND]);
         let of_noise = options.finds_noise.then_some([LOW_NOISE, HIGH_NOISE]);
-        let of_objects = options.object_class.then(|| objects.into_iter().flatten().chain(hedges));
         let codes = of_ground.into_iter().flatten().chain(of_noise.into_iter().flatten());
+        let of_objects = options.kinds.iter().filter_map(|kind| code_of(*kind, &objects, hedges));
         let mut decided = [false; 256];
-        codes.chain(of_objects.into_iter().flatten()).for_each(|code| decided[usize::from(code)] = true);
+        codes.chain(of_objects).for_each(|code| decided[usize::from(code)] = true);
         Self {
             input_len: layout.record_len,
             output_len,
@@ -206,19 +207,22 @@ impl RecordPlan {
         }
         // Readers skip a withheld point whatever its class is.
         match class.unwrap_or_default() {
-            PointClass::Object => match kind.hedge {
-                Hedge::No => {
-                    let given = self.objects.get(usize::from(kind.class)).copied().flatten();
-                    given.or_else(|| self.decided[usize::from(before)].then_some(UNCLASSIFIED))
-                }
-                Hedge::Low => Some(self.hedges[0]),
-                Hedge::Medium => Some(self.hedges[1]),
-            },
+            PointClass::Object => code_of(kind, &self.objects, self.hedges)
+                .or_else(|| self.decided[usize::from(before)].then_some(UNCLASSIFIED)),
             PointClass::Ground => Some(GROUND),
             PointClass::LowNoise => Some(LOW_NOISE),
             PointClass::HighNoise => Some(if self.extended { HIGH_NOISE } else { LOW_NOISE }),
             PointClass::Withheld => None,
         }
+    }
+}
+
+/// The LAS class of a kind of objects, if it has one.
+fn code_of(kind: Kind, objects: &[Option<u8>; OBJECT_CLASSES], hedges: [u8; 2]) -> Option<u8> {
+    match kind.hedge {
+        Hedge::No => objects.get(usize::from(kind.class)).copied().flatten(),
+        Hedge::Low => Some(hedges[0]),
+        Hedge::Medium => Some(hedges[1]),
     }
 }
 

@@ -107,7 +107,7 @@ pub(crate) fn copies(
         finds_noise,
         class_codes,
         keep_original: config.output.original_classification,
-        object_class: method.classifies(),
+        kinds: method.kinds(),
     };
     let mut files: Vec<LabelledFile> = Vec::new();
     let mut warnings = Vec::new();
