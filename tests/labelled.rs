@@ -524,6 +524,57 @@ fn describe_behind(path: &Path) {
     std::fs::write(path, bytes).expect("written");
 }
 
+/// With a no-data of an earlier run, readers would hide the new object of that number.
+#[test]
+fn descriptors_lose_the_minimum_and_maximum_of_values_that_the_run_replaces() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/tree_road_sweep.laz");
+    let catalog = open(&path).expect("opens");
+    let sample = &catalog.files()[0];
+    let truth = Truth::random(sample.point_count(), 5);
+    let named = LabelOptions { kinds: vec![Kind::new(2, 0)], ..options(OutputFormat::Las) };
+    // The options and the values of a descriptor.
+    let facts = |bytes: &[u8], name: &str| {
+        let name = [name.as_bytes(), &[0]].concat();
+        let found = bytes.windows(name.len()).rposition(|part| part == name).expect("described");
+        (found - 4, bytes[found - 1], bytes[found + 36..found + 108].to_vec())
+    };
+    for behind in [false, true] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let plan = LabelledFile::plan(sample, &named).expect("a plan");
+        let input = write(&plan, sample, &records(sample), &truth, folder.path());
+        let mut bytes = std::fs::read(&input).expect("read");
+        for name in ["cluster_id", "object_class", "original_classification"] {
+            let at = facts(&bytes, name).0;
+            bytes[at + 3] = 0b111;
+            bytes[at + 40..at + 112].fill(3);
+        }
+        std::fs::write(&input, &bytes).expect("written");
+        if behind {
+            describe_behind(&input);
+        }
+        let catalog = open(&input).expect("opens");
+        let input = &catalog.files()[0];
+        // With the dimensions that are there, and with a new one.
+        for (dimension, replaced) in [("cluster_id", true), ("other", false)] {
+            let wanted = LabelOptions { dimension: dimension.into(), ..named.clone() };
+            let plan = LabelledFile::plan(input, &wanted).expect("a plan");
+            let copies = folder.path().join(dimension);
+            std::fs::create_dir(&copies).expect("a folder");
+            let copy = write(&plan, input, &records(input), &truth, &copies);
+            let bytes = std::fs::read(copy).expect("read");
+            let (cleared, stale) = ((0, vec![0; 72]), (0b111, vec![3; 72]));
+            let of = |name: &str| {
+                let (_, options, values) = facts(&bytes, name);
+                (options, values)
+            };
+            assert_eq!(of("cluster_id"), *if replaced { &cleared } else { &stale }, "{dimension}");
+            assert_eq!(of("object_class"), cleared, "{dimension}");
+            // The class before stays as it is.
+            assert_eq!(of("original_classification"), stale, "{dimension}");
+        }
+    }
+}
+
 /// LAS 1.4 allows descriptions after the points, but many readers look for them only before the points.
 #[test]
 fn descriptions_after_the_points_are_read_and_come_before_them_in_copies() {

@@ -1,6 +1,9 @@
 //! Extra-bytes descriptors and variable length records as bytes. This module knows nothing about files.
 
+use std::ops::Range;
+
 use crate::input::RecordLayout;
+use crate::input::vlr::text;
 
 /// Bytes of one descriptor (LAS 1.4 R15, table 24).
 pub(crate) const DESCRIPTOR: usize = 192;
@@ -9,6 +12,10 @@ const UNDOCUMENTED: u8 = 0;
 /// Bits of the options field that say whether scale and offset are valid. laspy 2 reads them for
 /// undocumented bytes as well, and fails. So undocumented bytes have none of them.
 const SCALE_AND_OFFSET: u8 = 1 << 3 | 1 << 4;
+/// Bits of the options field that say whether the values for no data, minimum and maximum are valid, and the
+/// bytes of these values (LAS 1.4 R15, tables 24 and 26).
+const OF_VALUES: u8 = 0b111;
+const VALUES: Range<usize> = 40..112;
 /// Name of the dimension that keeps the class of the input.
 pub(crate) const ORIGINAL_CLASS: &str = "original_classification";
 /// Its description. It tells our dimension from that of another program.
@@ -52,6 +59,31 @@ pub(crate) fn integer(name: &str, kind: ExtraType, description: &str) -> [u8; DE
     bytes
 }
 
+/// The descriptors that a copy needs.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Descriptors {
+    /// Those of new dimensions.
+    pub(super) new: Vec<[u8; DESCRIPTOR]>,
+    /// Names of dimensions of the input whose values the run replaces.
+    pub(super) replaced: Vec<String>,
+}
+
+impl Descriptors {
+    /// These descriptors of the input without no-data, minimum and maximum of values that the run replaces.
+    /// They were those of the old values: with a no-data of 3, readers would hide the new object 3.
+    pub(super) fn updated(&self, mut descriptors: Vec<u8>) -> Vec<u8> {
+        for descriptor in descriptors.chunks_exact_mut(DESCRIPTOR) {
+            let is_replaced = self.replaced.contains(&text(&descriptor[4..36]));
+            // The options of undocumented bytes are their number.
+            if is_replaced && descriptor[2] != UNDOCUMENTED && descriptor[3] & OF_VALUES != 0 {
+                descriptor[3] &= !OF_VALUES;
+                descriptor[VALUES].fill(0);
+            }
+        }
+        descriptors
+    }
+}
+
 /// What the descriptor of the dimension with the label of a point says.
 pub(crate) fn of_label(surfaces: bool) -> &'static str {
     if surfaces { "surface, 0: none" } else { "object, 0: none" }
@@ -59,7 +91,7 @@ pub(crate) fn of_label(surfaces: bool) -> &'static str {
 
 /// Descriptors for the extra bytes that have none, so that readers find a dimension after them at its place.
 pub(crate) fn undescribed(layout: &RecordLayout) -> Vec<[u8; DESCRIPTOR]> {
-    let std::ops::Range { mut start, end } = layout.undescribed();
+    let Range { mut start, end } = layout.undescribed();
     let mut descriptors = Vec::new();
     while start < end {
         let count = piece(end - start);
@@ -113,6 +145,28 @@ mod tests {
         assert_eq!(bytes[136..160], [0; 24]);
         assert_eq!(&bytes[160..167], b"object\0");
         assert!(bytes[36..112].iter().all(|byte| *byte == 0), "no data, minimum and maximum are unset");
+    }
+
+    #[test]
+    fn only_values_that_the_run_replaces_lose_their_minimum_and_maximum() {
+        let stale = |name: &str, kind: u8, options: u8| {
+            let mut bytes = integer(name, ExtraType::U32, "object");
+            (bytes[2], bytes[3]) = (kind, options);
+            bytes[VALUES].fill(7);
+            bytes
+        };
+        let before = [
+            stale("cluster_id", 5, 0b1_0111),
+            stale("cluster_id", 5, 0b1_0000),
+            stale("cluster_id", UNDOCUMENTED, 7),
+            stale("cluster", 5, 0b111),
+        ];
+        let wanted = Descriptors { new: Vec::new(), replaced: vec!["cluster_id".to_owned()] };
+        let after = wanted.updated(before.concat());
+        let mut first = integer("cluster_id", ExtraType::U32, "object");
+        first[3] = 0b1_0000;
+        assert_eq!(after[..DESCRIPTOR], first);
+        assert_eq!(after[DESCRIPTOR..], before[1..].concat());
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use laz::LazVlr;
 
-use super::descriptor::{self, DESCRIPTOR};
+use super::descriptor::{self, DESCRIPTOR, Descriptors};
 use super::laz_chunk::{ChunkSize, laz_vlr, laz_vlr_data};
 use super::tail::Tail;
 use crate::input::InputFile;
@@ -66,19 +66,20 @@ enum Fate {
 pub(super) fn edit(
     input: &InputFile,
     record_len: usize,
-    descriptors: &[[u8; DESCRIPTOR]],
+    descriptors: &Descriptors,
     laz: Option<&LazVlr>,
 ) -> Result<Edited, OutputError> {
     let header = input.header();
-    let described = &input.layout().descriptors;
+    let described = descriptors.updated(input.layout().descriptors.clone());
     // Many readers look for descriptors only before the points. So those after the points move there.
     let is_after = header.evlrs.records.iter().any(|record| record.is(SPEC_USER, EXTRA_BYTES));
-    let fits = described.len() + descriptors.len() * DESCRIPTOR <= usize::from(u16::MAX);
+    let fits = described.len() + descriptors.new.len() * DESCRIPTOR <= usize::from(u16::MAX);
     let moved = is_after && fits && !described.is_empty();
-    let unchanged = descriptors.is_empty() && !moved;
+    let unchanged = descriptors.new.is_empty() && !moved;
     let mut editor = Editor {
         input,
-        descriptors: (!unchanged).then(|| descriptors.concat()),
+        wanted: descriptors,
+        descriptors: (!unchanged).then(|| [&described[..], &descriptors.new.concat()].concat()),
         unchanged,
         laz: laz.map(laz_vlr_data).transpose()?,
     };
@@ -94,9 +95,8 @@ pub(super) fn edit(
         count += 1;
     }
     if (moved || !is_after)
-        && let Some(new) = editor.descriptors.take()
+        && let Some(payload) = editor.descriptors.take()
     {
-        let payload = [&described[..], &new].concat();
         prologue.extend(descriptor::vlr(SPEC_USER, EXTRA_BYTES, "Extra Bytes Record", &payload));
         count += 1;
     }
@@ -112,9 +112,10 @@ pub(super) fn edit(
 
 struct Editor<'a> {
     input: &'a InputFile,
-    /// Descriptors to add; `None` once they are placed.
+    wanted: &'a Descriptors,
+    /// All descriptors of the copy; `None` once they are placed.
     descriptors: Option<Vec<u8>>,
-    /// Whether there are no descriptors to add, so that the records stay as they are.
+    /// Whether there are no descriptors to add, so that the records stay where they are.
     unchanged: bool,
     /// Payload of the new laszip record; `None` once it is placed.
     laz: Option<Vec<u8>>,
@@ -149,15 +150,20 @@ impl Editor<'_> {
         if record.is(LASZIP.0, LASZIP.1) {
             return Ok(self.laz.take().map_or(Fate::Drop, Fate::Replace));
         }
-        if !record.is(SPEC_USER, EXTRA_BYTES) || self.unchanged {
+        if !record.is(SPEC_USER, EXTRA_BYTES) {
             return Ok(Fate::Keep);
+        }
+        if self.unchanged {
+            if self.wanted.replaced.is_empty() {
+                return Ok(Fate::Keep);
+            }
+            let before = self.read(record.payload.clone())?;
+            let after = self.wanted.updated(before.clone());
+            return Ok(if after == before { Fate::Keep } else { Fate::Replace(after) });
         }
         // The specification allows only one such record, and some readers read only one. So the first gets
         // all descriptors.
-        let Some(new) = self.descriptors.take() else { return Ok(Fate::Drop) };
-        let mut payload = self.input.layout().descriptors.clone();
-        payload.extend(new);
-        Ok(Fate::Replace(payload))
+        Ok(self.descriptors.take().map_or(Fate::Drop, Fate::Replace))
     }
 
     /// The bytes after the points, where the extended records start in them, and the number of these records.

@@ -1,7 +1,7 @@
 //! One record of a labelled copy: the original bytes, the label, the class. This module knows nothing about
 //! files.
 
-use super::descriptor::{self, DESCRIPTOR, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS, ORIGINAL_CLASS_TEXT};
+use super::descriptor::{self, Descriptors, ExtraType, OBJECT_CLASS, ORIGINAL_CLASS, ORIGINAL_CLASS_TEXT};
 use super::options::LabelOptions;
 use crate::config::{CLUSTER_ID, LasCodes};
 use crate::input::{InputFile, RecordLayout};
@@ -65,11 +65,8 @@ pub(super) struct RecordPlan {
 }
 
 impl RecordPlan {
-    /// The plan, and the descriptors that the new dimensions need.
-    pub(super) fn new(
-        input: &InputFile,
-        options: &LabelOptions,
-    ) -> Result<(Self, Vec<[u8; DESCRIPTOR]>), OutputError> {
+    /// The plan, and the descriptors that it needs.
+    pub(super) fn new(input: &InputFile, options: &LabelOptions) -> Result<(Self, Descriptors), OutputError> {
         let layout = input.layout();
         let limit = layout.classification_mask;
         if options.set_classification
@@ -82,9 +79,9 @@ impl RecordPlan {
         let label = existing(input, &options.dimension, ExtraType::U32)?;
         // Whatever the input calls so stays as it is, unless the class is to be kept in it.
         let keep = options.keep_original && !keeps_original(input)?;
-        let mut descriptors = Vec::new();
-        // The classes of an earlier run are overwritten: a method without classes writes 0. Surfaces beside
-        // the objects of that run leave it these objects, and so their classes as well.
+        let mut new = Vec::new();
+        // The classes of an earlier run are overwritten: a method without classes writes 0. Surfaces have a
+        // dimension of their own, so the objects of that run stay, and so do their classes.
         let beside = options.surfaces && options.dimension != CLUSTER_ID;
         let classifies = !options.kinds.is_empty();
         let known = match existing(input, OBJECT_CLASS, ExtraType::U8) {
@@ -94,11 +91,13 @@ impl RecordPlan {
         };
         let classify = classifies && known.is_none();
         if label.is_none() || keep || classify {
-            descriptors.extend(descriptor::undescribed(layout));
+            new.extend(descriptor::undescribed(layout));
         }
+        let of_label = label.map(|_| options.dimension.clone());
+        let replaced = of_label.into_iter().chain(known.map(|_| OBJECT_CLASS.to_owned())).collect();
         let mut output_len = layout.record_len;
         let mut append = |name: &str, kind: ExtraType, description: &str| {
-            descriptors.push(descriptor::integer(name, kind, description));
+            new.push(descriptor::integer(name, kind, description));
             let at = output_len;
             output_len += usize::from(kind.bytes());
             at
@@ -117,7 +116,7 @@ impl RecordPlan {
             });
         }
         let plan = Self { object_class, ..Self::with(layout, options, output_len, label, original_class) };
-        Ok((plan, descriptors))
+        Ok((plan, Descriptors { new, replaced }))
     }
 
     fn with(
