@@ -408,6 +408,46 @@ fn the_nodes_have_the_points_of_the_file_with_their_objects() {
     assert!(found.keys().any(|point| point.0 > 1 && point.3 > 0), "objects with a class");
 }
 
+/// The LAS classes of an input are not those of the run: its ground and noise are those that the run finds.
+#[test]
+fn classes_that_a_run_has_not_set_are_neither_ground_nor_noise_of_the_stream() {
+    let (folder, classified) = with_cloud();
+    let inputs = [classified.join("tree_road_sweep.laz")];
+    let run = |name: &str, list: &[&str]| {
+        let out = folder.path().join(name);
+        let always = ["output.files=[\"copc\",\"report\"]", "cluster.method=euclidean"];
+        let summary = drive(&inputs, &out, &settings(&[&always[..], list].concat())).expect("a run");
+        (Server::start(&out), summary)
+    };
+    let (server, _) = run("kept", &["output.classification=keep"]);
+    for part in ["tree", "node=0-0-0-0"] {
+        let answer = server.ask("GET", &format!("/drive.copc.laz?{part}"), "");
+        assert_eq!(answer.status, 404, "{part}: the page shows its sample");
+    }
+    assert_eq!(server.ask("HEAD", "/drive.copc.laz", "").status, 200);
+    // The number of shown points, and of ground among them.
+    let shown = |server: &Server| {
+        let tree = server.ask("GET", "/drive.copc.laz?tree", "");
+        let tree: serde_json::Value = serde_json::from_slice(&tree.body).expect("JSON");
+        let nodes = tree["nodes"].as_array().expect("nodes");
+        let (mut all, mut ground) = (0, 0);
+        for node in nodes.chunks_exact(5) {
+            let target = format!("/drive.copc.laz?node={}-{}-{}-{}", node[0], node[1], node[2], node[3]);
+            let points = points_of(&server.ask("GET", &target, "").body);
+            all += points.len() as u64;
+            ground += points.iter().filter(|point| point.0 == 0).count() as u64;
+        }
+        (all, ground)
+    };
+    let (server, summary) = run("neither", &["ground.method=none", "noise.enabled=false"]);
+    assert_eq!(shown(&server), (summary.points, 0));
+    let (server, summary) = run("both", &[]);
+    let counts = summary.counts;
+    let noise = counts.low_noise + counts.high_noise;
+    assert!(noise > 0 && counts.ground > 0);
+    assert_eq!(shown(&server), (summary.points - noise, counts.ground));
+}
+
 #[test]
 fn parts_that_do_not_exist_and_other_methods_are_refused() {
     let (_folder, out) = with_cloud();

@@ -23,5 +23,5 @@ mod save;
 pub use crate::config::OutputFormat;
 pub use error::OutputError;
 pub use points::{LabelOptions, LabelledFile, check_names};
-pub use report::{ChartError, PointStream, chart_svg};
+pub use report::{ChartError, Found, PointStream, chart_svg};
 pub use save::{check_target, save};

@@ -12,4 +12,4 @@ pub use chart::{ChartError, chart_svg};
 pub(crate) use page::{Page, PageCloud, PageStretch, PageTable, point_budget, with_run};
 pub(crate) use rows::PageFrame;
 pub(crate) use sample::{Choice, SamplePoint, SampledDrive, Sampler, Sampling};
-pub use stream::PointStream;
+pub use stream::{Found, PointStream};

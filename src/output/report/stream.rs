@@ -20,6 +20,15 @@ const CLASS_TYPE: u8 = 1;
 /// Number of planes after the places: intensity and class.
 const MORE_PLANES: usize = 3;
 
+/// Whether the run has found the points of these LAS classes. Otherwise the classes are those of its input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Found {
+    /// Whether points of the class of ground are ground.
+    pub ground: bool,
+    /// Whether points of a class of noise are noise.
+    pub noise: bool,
+}
+
 /// A cloud-optimised file of a run, open for reading from any thread.
 #[derive(Debug)]
 pub struct PointStream {
@@ -28,6 +37,7 @@ pub struct PointStream {
     object: usize,
     /// Where its class is.
     class: Option<usize>,
+    found: Found,
 }
 
 impl PointStream {
@@ -35,7 +45,7 @@ impl PointStream {
     ///
     /// # Errors
     /// [`InputError`] if it is damaged or chainage did not write it.
-    pub fn open(path: &Path) -> Result<Self, InputError> {
+    pub fn open(path: &Path, found: Found) -> Result<Self, InputError> {
         let file = CopcFile::open(path)?;
         // The writer puts the object first, and its class second.
         let column = |at: usize, kind: u8| {
@@ -45,7 +55,7 @@ impl PointStream {
         let Some(object) = object else {
             return Err(InputError::Copc { path: path.to_owned(), problem: CopcProblem::NoObjects });
         };
-        Ok(Self { file, object, class })
+        Ok(Self { file, object, class, found })
     }
 
     /// The cube, scale and offset in units of the file, and all nodes, five numbers each: level, position,
@@ -101,8 +111,8 @@ impl PointStream {
     fn shown(&self, record: &[u8], intensity: usize, classification: usize) -> Option<Shown> {
         let object = std::array::from_fn(|byte| record[self.object + byte]);
         let key = match (u32::from_le_bytes(object), record[classification]) {
-            (0, class) if NOISE_CLASSES.contains(&class) => return None,
-            (0, GROUND_CLASS) => GROUND,
+            (0, class) if self.found.noise && NOISE_CLASSES.contains(&class) => return None,
+            (0, GROUND_CLASS) if self.found.ground => GROUND,
             (object, _) => object.saturating_add(LOOSE),
         };
         Some(Shown {

@@ -8,7 +8,7 @@ const AT_ONCE = 4;
 class Stream {
   /**
    * The stream of a page, or null if there is none: the page was opened as a file, the run wrote no file with all
-   * points, or the server only serves files. Throws if the file cannot be used.
+   * points or kept the LAS classes, or the server only serves files. Throws if the file cannot be used.
    */
   static async open(page, on) {
     const { cloud } = page;
