@@ -63,7 +63,8 @@ struct OutputSettings {
     keep_original: bool,
     #[arg(long, value_name = "LIST", value_delimiter = ',', help = outputs())]
     outputs: Vec<String>,
-    /// Write all points as one cloud-optimised file as well, drive.copc.laz, for viewers that stream
+    /// Write all points (with --from or --to, those of the section) as one cloud-optimised file as well,
+    /// drive.copc.laz, for viewers that stream
     #[arg(long)]
     copc: bool,
     /// Do not write report.html, the page with a 3D view, a plan, a table and statistics
