@@ -254,9 +254,10 @@ fn files_with_one_name_are_told_apart_where_no_copies_are_written() {
     assert!(lines[0].contains("north/x.las") && lines[1].contains("south/x.las"), "{table}");
 }
 
-/// A drive of 80 m. The last profiles meet a post that is 20 m before the end of the ground.
+/// A drive of 80 m. The last profiles meet a post that is 12 m before the end of the ground. A post that is 30
+/// m before it has a point of the same time, as those that a spinning head sees until the end.
 #[test]
-fn an_object_of_the_last_profiles_is_cut_wherever_the_data_ends() {
+fn an_object_is_cut_if_the_last_profiles_can_meet_it_and_do() {
     let time = |x: i64| x as f64 / 80_000.0 * 30.0;
     let ground = (0..320 * 48).map(|n| {
         let (x, y) = (n / 48 * 250, n % 48 * 250 - 6_000);
@@ -264,9 +265,10 @@ fn an_object_of_the_last_profiles_is_cut_wherever_the_data_ends() {
     });
     let post =
         |x: i64, time: f64| (0..60).map(move |n| Point { mm: [x, 3_000, 300 + n * 50], time, mark: 0 });
-    let points: Vec<Point> =
-        ground.chain(post(30_000, time(30_000))).chain(post(60_000, time(79_750))).collect();
-    for (format, expected) in [(6, ["false", "true"]), (0, ["false", "false"])] {
+    let posts = [(30_000, 30_000), (50_000, 79_750), (68_000, 79_750)];
+    let posts = posts.iter().flat_map(|(x, seen)| post(*x, time(*seen)));
+    let points: Vec<Point> = ground.chain(posts).collect();
+    for (format, expected) in [(6, ["false", "false", "true"]), (0, ["false"; 3])] {
         let scratch = Scratch::new();
         let file = scratch.file("x.las", &Shape { format, ..Shape::default() }, &points);
         let out = scratch.out("out");

@@ -173,7 +173,7 @@ pub(crate) mod tests {
             locate: &|place| Station { chainage_m: place[0], offset_m: place[1] - 5.0 },
             is_driven: true,
             at_end: &|place| place[0] == 0,
-            is_cut: &|id| id == 8,
+            is_cut: &|id, hull| id == 8 && !hull.is_empty(),
             file_names: &["a.las", "b.las", "c.las"],
         }
     }

@@ -16,7 +16,8 @@ impl Attribute for Cut {
             unit: ColumnUnit::None,
             definition: "whether the object reaches the end of the data, so that a part of it may be \
                          missing: true if one of its points was measured within 0.02 s of the time when \
-                         the drive begins, stops or has a gap; true within 1.5 cells of the raster of the last profiles, where the \
+                         the drive begins, stops or has a gap, and it reaches to within 10 m plus the offset \
+                         of the place where the vehicle was then, along the axis; true within 1.5 cells of the raster of the last profiles, where the \
                          drive begins, stops or has a gap, and within one cell of a straight border of the \
                          occupied cells, as in a scene that was cut out; cells with few points or few \
                          neighbours do not count; if the heads end at different places, only the farthest \
@@ -28,7 +29,7 @@ impl Attribute for Cut {
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
         // The point of an object that is nearest to a straight border is a vertex of its hull.
         let reaches_end = || object.part.hull.iter().any(|vertex| (object.site.at_end)(*vertex));
-        values.push(Value::Flag((object.site.is_cut)(object.id) || reaches_end()));
+        values.push(Value::Flag((object.site.is_cut)(object.id, &object.part.hull) || reaches_end()));
     }
 }
 

@@ -45,6 +45,14 @@ const SHARE: f64 = 0.8;
 const WITHIN_CELLS: f64 = 1.5;
 /// Largest distance from an end, along and across the axis, of places that the end applies to, in metres.
 const AROUND_M: f64 = 60.0;
+/// Largest distance inside the drive at which the last profiles meet an object on the axis, in metres. Beside
+/// the axis it is larger by the offset, because profiles stand obliquely; tilted profiles meet the tops of
+/// trees even further inside. A spinning head sees 100 m inside in the same time. Measured on `synth` by
+/// replaying the rule on tables. With profiles (twelve drives, four cut in time), 532 objects have points of
+/// such a time and are cut; with 5, 8 and 10 m, 526, 529 and 532 stay so, the rest in a forest. With spinning
+/// heads (three drives cut in time, one with a gap), 121 were cut, 17 of them shortened by more than 0.7 m;
+/// with 10 m, 90 and 16. What lies ahead counts at any distance: it has 10 of 14 that were shortened in one.
+const INSIDE_M: f64 = 10.0;
 
 /// Smallest length of a straight border of a scene, in metres.
 const SHORTEST_M: f64 = 10.0;
@@ -77,6 +85,13 @@ struct End {
     slopes: [f64; 2],
 }
 
+/// A place where the drive begins, stops or has a gap, in metres, and the direction out of the data there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stop {
+    place: [f64; 2],
+    out: [f64; 2],
+}
+
 /// A straight border in lattice units, counter-clockwise.
 type Edge = [[i64; 2]; 2];
 
@@ -100,9 +115,25 @@ impl<'a> Border<'a> {
         }) || self.ends.iter().any(|end| self.is_at(end, metres))
     }
 
-    /// Whether the drive begins, stops or has a gap around a place in metres.
-    pub(crate) fn has_end_around(&self, place: [f64; 2]) -> bool {
-        self.ends.iter().any(|end| (place[0] - end.place[0]).hypot(place[1] - end.place[1]) <= BEYOND_M)
+    /// The place in metres as one where the drive begins, stops or has a gap; `None` if it does not around
+    /// the place. At a gap, the nearest end gives the direction.
+    pub(crate) fn stop_at(&self, place: [f64; 2]) -> Option<Stop> {
+        let apart = |end: &End| (place[0] - end.place[0]).hypot(place[1] - end.place[1]);
+        let ends = self.ends.iter().filter(|end| apart(end) <= BEYOND_M);
+        let nearest = ends.min_by(|one, other| apart(one).total_cmp(&apart(other)))?;
+        Some(Stop { place, out: nearest.out })
+    }
+
+    /// Whether an object with this hull, in lattice units, reaches to where the last profiles at a stop may
+    /// be. The points that it was seen at last are not enough: a spinning head sees an object that it passed
+    /// long before until the drive ends.
+    pub(crate) fn reaches(&self, hull: &[[i64; 2]], stop: &Stop) -> bool {
+        // What is farthest out between these slanting lines is a vertex of the hull.
+        hull.iter().any(|vertex| {
+            let [along, across] =
+                position(stop.place, stop.out, vertex.map(|value| self.lattice.metres(value)));
+            along >= -(across.abs() + INSIDE_M)
+        })
     }
 
     fn is_at(&self, end: &End, place: [f64; 2]) -> bool {
@@ -119,8 +150,7 @@ impl<'a> Border<'a> {
 impl End {
     /// Distance of a place along the axis, beyond the end, and across it to the left, in metres.
     fn position(&self, place: [f64; 2]) -> [f64; 2] {
-        let [x, y] = [0, 1].map(|k| place[k] - self.place[k]);
-        [x * self.out[0] + y * self.out[1], y * self.out[0] - x * self.out[1]]
+        position(self.place, self.out, place)
     }
 
     /// The place at a position, in metres.
@@ -128,6 +158,12 @@ impl End {
         let [ux, uy] = self.out;
         [self.place[0] + along * ux - across * uy, self.place[1] + along * uy + across * ux]
     }
+}
+
+/// Distance of a place from an origin along a direction, and across it to the left, in metres.
+fn position(origin: [f64; 2], out: [f64; 2], place: [f64; 2]) -> [f64; 2] {
+    let [x, y] = [0, 1].map(|k| place[k] - origin[k]);
+    [x * out[0] + y * out[1], y * out[0] - x * out[1]]
 }
 
 /// The occupied cells.
@@ -374,6 +410,26 @@ mod tests {
         let border = Border::of(&cells, &axis, CellGrid::new(1_000), Lattice::MILLIMETRE);
         let found: Vec<bool> = [0, 50, 99, 161, 220, 299].map(|x| near(&border, x, 3)).to_vec();
         assert_eq!(found, [true, false, true, true, false, true], "{border:?}");
+    }
+
+    #[test]
+    fn an_object_that_stands_inside_the_last_profiles_does_not_reach_a_stop() {
+        let cells =
+            packed((0..300).filter(|i| !(100..130).contains(i)).flat_map(|i| (-9..=9).map(move |j| [i, j])));
+        let axis = axis(AxisSource::Trajectory, 0.0, 300.0);
+        let border = Border::of(&cells, &axis, CellGrid::new(1_000), Lattice::MILLIMETRE);
+        let reaches = |place: [f64; 2], x: i64, y: i64| {
+            let hull = [[0, 0], [1_000, 0], [0, 1_000]].map(|[dx, dy]| [1_000 * x + dx, 1_000 * y + dy]);
+            border.reaches(&hull, &border.stop_at(place).unwrap())
+        };
+        // 20 m before the end at offset 15 m; far ahead of it; 30 m before it on the roadway.
+        let end = [298.0, 0.5];
+        let found = [(278, 15), (380, 40), (268, 3), (278, -16)].map(|(x, y)| reaches(end, x, y));
+        assert_eq!(found, [true, true, false, true], "{border:?}");
+        // The gap is 30 m long, so both its ends are around each of its sides.
+        let found = [([98.0, 0.5], 70), ([98.0, 0.5], 115), ([132.0, 0.5], 160), ([132.0, 0.5], 115)];
+        assert_eq!(found.map(|(stop, x)| reaches(stop, x, 3)), [false, true, false, true], "{border:?}");
+        assert!(border.stop_at([200.0, 0.5]).is_none());
     }
 
     #[test]

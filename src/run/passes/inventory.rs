@@ -206,9 +206,11 @@ fn with_pass<T>(
     };
     let at_end = |place| border.is_near(place) || is_cut_off(place);
     // Where the drive goes on at another time, the last profiles cut nothing.
-    let cuts: Vec<bool> = surveyed.moments.iter().map(|moment| border.has_end_around(moment.place)).collect();
-    let is_cut =
-        |id: u32| columns.ends.range((id, 0)..=(id, u32::MAX)).any(|(_, moment)| cuts[*moment as usize]);
+    let stops: Vec<_> = surveyed.moments.iter().map(|moment| border.stop_at(moment.place)).collect();
+    let is_cut = |id: u32, hull: &[[i64; 2]]| {
+        let met = columns.ends.range((id, 0)..=(id, u32::MAX));
+        met.filter_map(|(_, moment)| stops[*moment as usize].as_ref()).any(|stop| border.reaches(hull, stop))
+    };
     let site = Site {
         lattice: drive.lattice(),
         units_m: drive.catalog.units_m(),
