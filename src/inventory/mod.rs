@@ -26,7 +26,7 @@ pub use terrain::{Terrain, TerrainSums};
 pub use touching::{reach as touching_reach, touching};
 
 /// Raised when an attribute has other values for the same objects, so that a run computes its rows again.
-pub const EPOCH: u32 = 14;
+pub const EPOCH: u32 = 13;
 
 /// The columns of all attributes.
 ///

@@ -92,7 +92,7 @@ impl SurfaceRow {
         let ring = vertices.map(|place| in_input(plane.lattice_point(*place))).collect();
         let centre = site.input_point(plane.centre);
         let metres = plane.centre.map(|value| lattice.metres(value));
-        // As it is written: its last digit moves a plane that is 5,000 km away from the origin by millimetres.
+        // As it is written: 5,000 km away from the origin, its last digit moves the plane by millimetres.
         let [x, y, z] = plane.normal.map(|value| rounded(value, NORMAL_PLACES).unwrap_or(value));
         let offset = x * metres[0] + y * metres[1] + z * metres[2];
         let flatness = plane.flatness_units2 * lattice.step_m() * lattice.step_m();

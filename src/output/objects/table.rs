@@ -55,7 +55,7 @@ pub struct DriveShape<'a> {
 impl Default for DriveShape<'_> {
     /// A drive in metres of which nothing else is known.
     fn default() -> Self {
-        Self { epsg: None, wkt: None, units_m: [1.0; 3], axis: Vec::new(), tiles: Vec::new() }
+        Self { epsg: None, wkt: None, wkt_epsg: None, units_m: [1.0; 3], axis: Vec::new(), tiles: Vec::new() }
     }
 }
 
