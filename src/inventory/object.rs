@@ -68,6 +68,11 @@ impl<'a> Object<'a> {
         self.ground_m.map(|ground_m| self.site.lattice.metres(z) - ground_m)
     }
 
+    /// Where it stands in the plane, in lattice units.
+    pub(super) fn place_units(&self) -> [f64; 2] {
+        self.foot.place.map(|metres| metres * f64::from(self.site.lattice.units_per_m()))
+    }
+
     /// Where it stands, in the units of the input. Its z is the height of the ground. Where no ground is
     /// known within 10 m, it is that of the lowest point that is not detached.
     #[must_use]

@@ -39,9 +39,8 @@ impl Attribute for CrownSize {
 
     fn finish<'a>(&self, object: &Object<'a>, values: &mut Vec<Value<'a>>) {
         let lattice = object.site.lattice;
-        let stem = object.foot.place.map(|metres| metres * f64::from(lattice.units_per_m()));
         let found = (object.kind.class == TREE)
-            .then(|| crown(object.measures, &object.frames, lattice, stem))
+            .then(|| crown(object.measures, &object.frames, lattice, object.place_units()))
             .flatten();
         values.push(found.map(|crown| crown.diameter_m).into());
         values.push(found.map(|crown| crown.area_m2).into());

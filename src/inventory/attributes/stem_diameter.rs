@@ -1,12 +1,23 @@
 //! Attribute `stem diameter`: the diameter of the stem of a tree at breast height.
 
 use crate::inventory::attributes::attribute::Attribute;
-use crate::inventory::measures::{Circle, TREE};
+use crate::inventory::measures::{Circle, TREE, crown_base_m};
 use crate::inventory::object::Object;
 use crate::model::{Column, ColumnType, ColumnUnit, Value};
 
 /// Breast height in metres over the ground: 1.3 m in forestry (IUFRO) and in the guidelines for street trees.
 const BREAST_HEIGHT_M: f64 = 1.3;
+
+/// Height of the crown over the ground below which leaves can be at breast height, in metres: its layers have
+/// 0.2 m.
+const LEAVES_BELOW_M: f64 = 1.1;
+/// Largest number of points beside the circle of a stem in such leaves, as a share of those on it. A circle
+/// with more can be one through leaves. Of 816 diameters in 17 drives of `synth` (trees with IoU above 0.5),
+/// 81 were wrong by more than 3 cm or 25 %, and 23 were more than 5 cm too large, by up to 0.48 m: cypresses,
+/// cones, small trees. The rule leaves out 35 of the 81, 21 of the 23, and 23 good ones (RMSE 3.4 cm before,
+/// 1.5 cm now); with the limit 0.5, they are 32, 20 and 19 (1.8 cm). The crown must begin low, because twigs
+/// and grass are beside many stems: without that condition, 57 bad and 162 good ones are left out.
+const MOST_BESIDE: f64 = 0.4;
 
 /// The attribute.
 #[derive(Debug)]
@@ -21,7 +32,7 @@ impl Attribute for StemDiameter {
                 unit: ColumnUnit::Metre,
                 definition: "diameter of the stem 1.3 m above the ground, from a circle fit that is robust \
                              against twigs; trees only; empty if less than 60 degrees of the stem were \
-                             seen",
+                             seen, or if the crown begins below 1.1 m and what was seen can be leaves",
             },
             Column {
                 name: "dbh_error_m",
@@ -44,7 +55,13 @@ impl Attribute for StemDiameter {
 fn circle(object: &Object<'_>) -> Option<Circle> {
     let (stem, axis) = object.foot.stem.as_ref()?;
     let corner_m = object.site.lattice.metres(object.frames.stem.corner[2]);
-    stem.section(axis, object.foot.ground_m? + BREAST_HEIGHT_M - corner_m)
+    let ground_m = object.foot.ground_m?;
+    let circle = stem.section(axis, ground_m + BREAST_HEIGHT_M - corner_m)?;
+    let in_leaves = || {
+        let base_m = crown_base_m(object.measures, &object.frames, object.site.lattice, object.place_units());
+        base_m.is_some_and(|base_m| base_m - ground_m < LEAVES_BELOW_M)
+    };
+    (circle.beside <= MOST_BESIDE || !in_leaves()).then_some(circle)
 }
 
 #[cfg(test)]
@@ -88,5 +105,30 @@ mod tests {
             [None; 2],
             "no ground"
         );
+    }
+
+    #[test]
+    fn a_shell_of_leaves_at_breast_height_is_no_stem() {
+        // Two of seven points are a shell of 0.4 m in diameter, the others are up to 0.4 m behind it.
+        #[expect(clippy::cast_possible_truncation, reason = "leaves are within a metre of the stem")]
+        let leaf = |k: i64| {
+            let share = |step: i64, most: i64| (k * step % most) as f64 / most as f64;
+            let shell = 200.0 + ((k * 7 % 5 - 2) * 5) as f64;
+            let radius = if k % 7 < 2 { shell } else { 200.0 + 400.0 * share(131, 997).powi(2) };
+            let (sin, cos) = (200.0 * share(223, 991)).to_radians().sin_cos();
+            [5_000 + (radius * cos).round() as i64, 5_000 + (radius * sin).round() as i64, k * 311 % 2_999]
+        };
+        let leaves: Vec<[i64; 3]> = (0..6_000).map(leaf).collect();
+        let found = |leaves: &[[i64; 3]], ground| {
+            let ground = [([5, 5], ground)];
+            as_decimals(&values_of(&StemDiameter, leaves, Kind::new(2, 255), &ground, METRES))
+        };
+        assert_eq!(found(&leaves, -200), [None; 2]);
+        // The crown begins above breast height, or few leaves are behind the shell.
+        let shell: Vec<[i64; 3]> =
+            leaves.iter().copied().enumerate().filter(|(k, _)| k % 7 < 3).map(|(_, leaf)| leaf).collect();
+        for diameter in [found(&leaves, -1_200)[0], found(&shell, -200)[0]] {
+            assert!((diameter.unwrap() - 0.403).abs() < 0.01, "{diameter:?}");
+        }
     }
 }

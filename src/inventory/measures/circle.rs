@@ -23,6 +23,9 @@ const TOLERANCE_M: f64 = 0.015;
 const LEAST_POINTS: usize = 8;
 /// Rounds of least squares.
 const ROUNDS: usize = 12;
+/// Width of the ring outside a circle whose points count as beside it, in metres. There are the leaves
+/// behind a shell of leaves. With 0.06 m, the RMSE of diameters is 1.8 instead of 1.5 cm.
+const BESIDE_M: f64 = 0.12;
 /// Sectors into which the circumference is divided to measure how much of it was seen.
 const SECTORS: usize = 36;
 
@@ -35,6 +38,9 @@ pub(crate) struct Circle {
     pub(crate) radius: f64,
     /// Standard error of the radius in metres.
     pub(crate) radius_error: f64,
+    /// Points inside the circle and up to 0.12 m outside it, as a share of the points on it. Around a
+    /// stem there are few, in leaves many.
+    pub(crate) beside: f64,
     /// Part of the circumference on which there are points, in degrees, in steps of 10.
     pub(crate) seen_deg: f64,
 }
@@ -75,11 +81,13 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
         let sector = (turn * SECTORS as f64) as usize;
         sectors[sector.min(SECTORS - 1)] = true;
     }
+    let near = points.iter().filter(|point| away(**point, circle) <= BESIDE_M).count();
     let seen = sectors.iter().filter(|seen| **seen).count();
     Some(Circle {
         centre: [circle[0], circle[1]],
         radius: circle[2],
         radius_error: (variance * covariance[(2, 2)]).max(0.0).sqrt(),
+        beside: (near - on.len()) as f64 / on.len() as f64,
         seen_deg: 360.0 * seen as f64 / SECTORS as f64,
     })
 }
@@ -195,6 +203,15 @@ mod tests {
         assert_eq!(fit(&[[1.0, 1.0]; 50]), None, "one place");
         let line: Vec<[f64; 2]> = (0..100).map(|k| [0.01 * f64::from(k), 0.0]).collect();
         assert_eq!(fit(&line), None, "a straight line");
+    }
+
+    #[test]
+    fn points_beside_a_circle_are_counted_up_to_12_cm() {
+        let mut points = arc([0.0, 0.0, 0.15], 0.0, 180.0, 100, 0.0);
+        let ring = |radius, count| arc([0.0, 0.0, radius], 0.0, 180.0, count, 0.0);
+        points.extend([ring(0.1, 10), ring(0.2, 20), ring(0.26, 10), ring(0.28, 10)].concat());
+        let found = fit(&points).unwrap();
+        assert!((found.radius - 0.15).abs() < 1e-3 && (found.beside - 0.4).abs() < 1e-9, "{found:?}");
     }
 
     #[test]

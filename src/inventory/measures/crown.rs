@@ -52,6 +52,17 @@ pub(crate) fn crown(measures: &Measures, frames: &Frames, lattice: Lattice, stem
     })
 }
 
+/// Height of the lower end of the crown of a tree whose stem is at `stem`, in lattice units, in metres over
+/// lattice z 0. `None` if no layer is wide enough.
+pub(crate) fn crown_base_m(
+    measures: &Measures,
+    frames: &Frames,
+    lattice: Lattice,
+    stem: [f64; 2],
+) -> Option<f64> {
+    begin(measures, frames, lattice, stem).map(|lowest| lattice.metres(lowest))
+}
+
 /// Lattice z of the lower end of the lowest layer of the crown.
 fn begin(measures: &Measures, frames: &Frames, lattice: Lattice, stem: [f64; 2]) -> Option<i64> {
     let frame = &frames.crown;

@@ -22,7 +22,7 @@ pub(super) use body::box_of_body;
 pub(super) use circle::Circle;
 pub(super) use classes::{BUILDING, FENCE, POLE, SMALL, TREE, VEHICLE, WIRE};
 pub(super) use crest::crest_m;
-pub(super) use crown::crown;
+pub(super) use crown::{crown, crown_base_m};
 pub use face::Face;
 pub(super) use foot::{Foot, lowest_before_front, lowest_of};
 pub use outline::around_cells;
