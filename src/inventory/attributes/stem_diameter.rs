@@ -38,7 +38,8 @@ impl Attribute for StemDiameter {
                 name: "dbh_error_m",
                 column_type: ColumnType::Decimal { places: 3 },
                 unit: ColumnUnit::Metre,
-                definition: "standard error of `dbh_m`, from the residuals of the fit; empty if `dbh_m` is \
+                definition: "standard error of `dbh_m`: the larger one of that from the residuals of the fit \
+                             and that from the diameters up to 0.4 m above and below; empty if `dbh_m` is \
                              empty",
             },
         ]

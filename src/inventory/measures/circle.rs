@@ -26,6 +26,9 @@ const ROUNDS: usize = 12;
 /// Width of the ring outside a circle whose points count as beside it, in metres. There are the leaves
 /// behind a shell of leaves. With 0.06 m, the RMSE of diameters is 1.8 instead of 1.5 cm.
 const BESIDE_M: f64 = 0.12;
+/// Largest factor by which the cut at [`TOLERANCE_M`] can make a standard error larger, near that of a noise
+/// of 20 mm. With more noise, the residuals that are left hardly show how much there is.
+const LARGEST_FACTOR: f64 = 6.0;
 /// Sectors into which the circumference is divided to measure how much of it was seen.
 const SECTORS: usize = 36;
 
@@ -38,6 +41,8 @@ pub(crate) struct Circle {
     pub(crate) radius: f64,
     /// Standard error of the radius in metres.
     pub(crate) radius_error: f64,
+    /// Factor by which this error is larger because residuals are cut.
+    pub(crate) cut_factor: f64,
     /// Points inside the circle and up to 0.12 m outside it, as a share of the points on it. Around a
     /// stem there are few, in leaves many.
     pub(crate) beside: f64,
@@ -87,6 +92,7 @@ pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Circle> {
         centre: [circle[0], circle[1]],
         radius: circle[2],
         radius_error: (variance * covariance[(2, 2)]).max(0.0).sqrt(),
+        cut_factor: cut_factor(variance),
         beside: (near - on.len()) as f64 / on.len() as f64,
         seen_deg: 360.0 * seen as f64 / SECTORS as f64,
     })
@@ -138,6 +144,18 @@ fn better_score(points: &[[f64; 2]], circle: [f64; 3], most: f64) -> Option<f64>
         }
     }
     (score > most).then_some(score)
+}
+
+/// Factor by which the cut of residuals makes a standard error larger than their variance says. A circle that
+/// moves gains points at one edge of the tolerance and loses points at the other, so they hardly hold it
+/// where the noise is as large as the tolerance. For normal noise, the factor is the variance of the noise
+/// over that of the residuals that are left (from the influence function of a skipped mean; Huber, Annals of
+/// Mathematical Statistics 35, 73-101, 1964, doi:10.1214/aoms/1177703732): 1.0, 1.8, 3.4 and 5.8 for a noise
+/// of 5, 10, 15 and 20 mm. One less the cube of the variance, as a share of that of evenly spread residuals,
+/// gives 1.0, 1.7, 3.0 and 4.9.
+fn cut_factor(variance: f64) -> f64 {
+    let share = 3.0 * variance / TOLERANCE_M.powi(2);
+    (1.0 - share.powi(3)).max(1.0 / LARGEST_FACTOR).recip()
 }
 
 fn on(points: &[[f64; 2]], circle: [f64; 3]) -> Vec<[f64; 2]> {
@@ -212,6 +230,17 @@ mod tests {
         points.extend([ring(0.1, 10), ring(0.2, 20), ring(0.26, 10), ring(0.28, 10)].concat());
         let found = fit(&points).unwrap();
         assert!((found.radius - 0.15).abs() < 1e-3 && (found.beside - 0.4).abs() < 1e-9, "{found:?}");
+    }
+
+    #[test]
+    fn cut_residuals_make_the_error_larger() {
+        let factor = |noise| fit(&arc([0.0, 0.0, 0.2], 0.0, 180.0, 200, noise)).unwrap().cut_factor;
+        assert!((factor(0.002) - 1.0).abs() < 0.001, "{}", factor(0.002));
+        // Residuals of 0, 7 and 14 mm vary more than evenly spread ones.
+        assert!(factor(0.014) > 3.0, "{}", factor(0.014));
+        // For the residuals of normal noise of 10 mm, and for more than evenly spread ones.
+        assert!((cut_factor(0.735 / 3.0 * TOLERANCE_M.powi(2)) - 1.66).abs() < 0.01);
+        assert!((cut_factor(TOLERANCE_M.powi(2)) - LARGEST_FACTOR).abs() < 1e-9);
     }
 
     #[test]

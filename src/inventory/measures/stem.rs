@@ -311,16 +311,24 @@ impl Stem {
     }
 
     /// The circle in a slice around height `z`, if the circles in the slices above and below have nearly its
-    /// radius.
+    /// radius. The error of its radius is the larger of two estimates: from the residuals, and from the
+    /// scatter of the radii along the stem, in which leaves and wrong places of the scanner show as well.
+    ///
+    /// Measured on 758 trees of 17 drives of `synth`: 72 % of the true radii of profilers are within one
+    /// error, and 98 % within three (62 and 95 % with the residuals alone); of spinning heads 67 and 97 % (23
+    /// and 60 %).
     pub(crate) fn section(&self, axis: &StemAxis, z: f64) -> Option<Circle> {
         let circle = self.circle(axis, z)?;
-        let near = NEIGHBOURS_M.iter().filter_map(|by| self.circle(axis, z + by));
-        let mut radii: Vec<f64> = near.map(|circle| circle.radius).collect();
+        let near = NEIGHBOURS_M.iter().filter_map(|by| Some([self.circle(axis, z + by)?.radius, *by]));
+        let near: Vec<[f64; 2]> = near.collect();
+        let mut radii: Vec<f64> = near.iter().map(|[radius, _]| *radius).collect();
         let enough = radii.len() >= LEAST_NEIGHBOURS;
         let off = (median(&mut radii) - circle.radius).abs();
         let (share, length_m) = SAME_RADIUS;
         let same = off <= share * circle.radius + length_m;
-        (enough && same && circle.radius_error <= SECTION_ERROR_M).then_some(circle)
+        let good = enough && same && circle.radius_error <= SECTION_ERROR_M;
+        let radius_error = (circle.radius_error * circle.cut_factor).max(scatter(circle.radius, &near));
+        good.then_some(Circle { radius_error, ..circle })
     }
 
     /// The circle in a slice around height `z`, if enough of it was seen and it is on the axis. Points are
@@ -346,6 +354,17 @@ impl Stem {
             && off <= circle.radius + OFF_AXIS_M;
         good.then_some(circle)
     }
+}
+
+/// Standard deviation of the radius of a section and of those near it (radius, height relative to the
+/// section) about a line over the height, so that the taper of a stem does not count. 0 for fewer than three
+/// radii.
+fn scatter(radius: f64, near: &[[f64; 2]]) -> f64 {
+    let mut places = vec![[radius, 0.0, 0.0]];
+    places.extend(near.iter().map(|[radius, by]| [*radius, 0.0, *by]));
+    let Some(taper) = line(&places).filter(|_| places.len() > 2) else { return 0.0 };
+    let squared: f64 = places.iter().map(|place| (place[0] - taper.at(place[2])[0]).powi(2)).sum();
+    (squared / (places.len() - 2) as f64).sqrt()
 }
 
 /// A cell and the eight around it.
@@ -433,6 +452,25 @@ mod tests {
         assert!((foot[0] - 2.0).hypot(foot[1] - 2.0) < 0.03, "{axis:?}");
         let circle = stem.section(&axis, 1.3).unwrap();
         assert!((circle.radius - 0.15).abs() < 0.003, "{circle:?}");
+    }
+
+    #[test]
+    fn radii_that_scatter_along_a_stem_are_less_certain() {
+        // Its radius is 12 mm larger in every other fifth of a metre, or it is 10 mm smaller per metre.
+        let stem = |radius: fn(f64) -> f64| {
+            let mut places = cylinder([2.0, 2.0], [0.0, 0.0], 1.0, 3.0, 0.0, 180.0);
+            for place in &mut places {
+                let by = radius(place[2]);
+                *place = [2.0 + by * (place[0] - 2.0), 2.0 + by * (place[1] - 2.0), place[2]];
+            }
+            let stem = Stem::of_places(places, true);
+            let axis = stem.axis().unwrap();
+            stem.section(&axis, 1.3).unwrap()
+        };
+        let rough = stem(|z| if ((z - 0.8) / 0.2).floor().rem_euclid(2.0) < 0.5 { 0.156 } else { 0.144 });
+        assert!((0.006..0.009).contains(&rough.radius_error), "{rough:?}");
+        let tapered = stem(|z| 0.18 - 0.01 * z);
+        assert!(tapered.radius_error < 0.001, "{tapered:?}");
     }
 
     #[test]
