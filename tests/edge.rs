@@ -263,10 +263,13 @@ fn an_object_is_cut_if_the_last_profiles_can_meet_it_and_do() {
         let (x, y) = (n / 48 * 250, n % 48 * 250 - 6_000);
         Point { mm: [x, y, 0], time: time(x), mark: 0 }
     });
-    let post =
-        |x: i64, time: f64| (0..60).map(move |n| Point { mm: [x, 3_000, 300 + n * 50], time, mark: 0 });
+    // The lowest point of a post is seen last.
+    let post = |x: i64, last: i64| {
+        let seen = move |n: i64| time(if n == 0 { last } else { x });
+        (0..60).map(move |n| Point { mm: [x, 3_000, 300 + n * 50], time: seen(n), mark: 0 })
+    };
     let posts = [(30_000, 30_000), (50_000, 79_750), (68_000, 79_750)];
-    let posts = posts.iter().flat_map(|(x, seen)| post(*x, time(*seen)));
+    let posts = posts.iter().flat_map(|(x, last)| post(*x, *last));
     let points: Vec<Point> = ground.chain(posts).collect();
     for (format, expected) in [(6, ["false", "false", "true"]), (0, ["false"; 3])] {
         let scratch = Scratch::new();

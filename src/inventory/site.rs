@@ -29,8 +29,8 @@ pub struct Site<'a> {
     pub is_driven: bool,
     /// Whether a place, in lattice units, is at the end of the data.
     pub at_end: &'a (dyn Fn([i64; 2]) -> bool + Sync),
-    /// Whether the object with this id and hull, in lattice units, has points of the first or last profiles of
-    /// the drive, or beside a gap, and reaches to where these profiles are.
+    /// Whether the object with this id and hull, in lattice units, has points of the first or last profiles
+    /// of the drive, or beside a gap, and reaches to where these profiles are.
     pub is_cut: &'a (dyn Fn(u32, &[[i64; 2]]) -> bool + Sync),
     /// Names of the input files, in their order.
     pub file_names: &'a [&'a str],

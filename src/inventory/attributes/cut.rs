@@ -16,8 +16,8 @@ impl Attribute for Cut {
             unit: ColumnUnit::None,
             definition: "whether the object reaches the end of the data, so that a part of it may be \
                          missing: true if one of its points was measured within 0.02 s of the time when \
-                         the drive begins, stops or has a gap, and it reaches to within 10 m plus the offset \
-                         of the place where the vehicle was then, along the axis; true within 1.5 cells of the raster of the last profiles, where the \
+                         the drive begins, stops or has a gap, and it reaches, along the axis, to within \
+                         10 m plus its offset of the place where the vehicle was then; true within 1.5 cells of the raster of the last profiles, where the \
                          drive begins, stops or has a gap, and within one cell of a straight border of the \
                          occupied cells, as in a scene that was cut out; cells with few points or few \
                          neighbours do not count; if the heads end at different places, only the farthest \
@@ -47,7 +47,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_of_the_last_profiles_is_cut_wherever_it_is() {
+    fn an_object_that_the_last_profiles_cut_need_not_have_a_vertex_at_the_end() {
         let terrain = terrain_at(&[]);
         let site = site(&terrain, METRES);
         let (part, measures) = summaries(&BOX.map(|[x, y, z]| [x + 1, y, z]), NO_KIND);
