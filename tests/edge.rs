@@ -254,8 +254,8 @@ fn files_with_one_name_are_told_apart_where_no_copies_are_written() {
     assert!(lines[0].contains("north/x.las") && lines[1].contains("south/x.las"), "{table}");
 }
 
-/// A drive of 80 m. The last profiles meet a post that is 12 m before the end of the ground. A post that is 30
-/// m before it has a point of the same time, as those that a spinning head sees until the end.
+/// A drive of 80 m. The last profiles meet a post that is 12 m before the end of the ground. A post that is
+/// 30 m before it has a point of the same time, as those that a spinning head sees until the end.
 #[test]
 fn an_object_is_cut_if_the_last_profiles_can_meet_it_and_do() {
     let time = |x: i64| x as f64 / 80_000.0 * 30.0;

@@ -11,12 +11,11 @@
 //! their far sides have few points.
 
 use rustc_hash::FxHashMap;
-use serde::{Deserialize, Serialize};
 
 use super::classes::VEHICLE;
 use super::parts::{Frames, Measures};
 use super::rectangle::{Rectangle, least_area};
-use super::sketch::{Frame, Patch, Sketch};
+use super::sketch::{Extremes, Frame, Sketch};
 use crate::model::{Kind, Lattice, ObjectPart, convex_hull};
 use crate::spatial::DisjointSets;
 
@@ -29,33 +28,6 @@ const LEAST_SHARE: u64 = 1_000;
 const GROUP_M: f64 = 0.5;
 /// Smallest share of the points in a group of the body: 2 %.
 const GROUP_SHARE: u64 = 50;
-
-/// Number of points in a cell of the plane, and the points that are furthest along the axes: of the smallest
-/// and largest x, and of the smallest and largest y.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct Extremes {
-    points: u64,
-    ends: [[i64; 2]; 4],
-}
-
-impl Extremes {
-    /// Those of one point.
-    pub(crate) fn of([x, y, _]: [i64; 3]) -> Self {
-        Self { points: 1, ends: [[x, y]; 4] }
-    }
-}
-
-impl Patch for Extremes {
-    fn merge(&mut self, other: &Self) {
-        let turned = |[x, y]: [i64; 2]| [y, x];
-        self.points += other.points;
-        let [left, right, low, high] = &mut self.ends;
-        *left = (*left).min(other.ends[0]);
-        *right = (*right).max(other.ends[1]);
-        *low = turned(turned(*low).min(turned(other.ends[2])));
-        *high = turned(turned(*high).max(turned(other.ends[3])));
-    }
-}
 
 /// The box of least area around the body of an object, in lattice units.
 pub(crate) fn box_of_body(
@@ -174,21 +146,7 @@ mod tests {
     #[test]
     fn a_vehicle_of_few_points_has_the_box_of_all() {
         let corners = [[0, 0, 0], [4_000, 0, 0], [4_000, 1_700, 0], [0, 1_700, 0]];
-        assert_eq!(boxed(&corners, CAR).length, 4_000.0);
-    }
-
-    #[test]
-    fn extremes_do_not_depend_on_the_order() {
-        let points = [[5, 9, 1], [5, 2, 2], [3, 7, 0], [8, 2, 0], [8, 9, 4]];
-        let merged = |order: [usize; 5]| {
-            let parts = order.map(|point| Extremes::of(points[point]));
-            parts.into_iter().reduce(|mut one, other| {
-                one.merge(&other);
-                one
-            })
-        };
-        let expected = Extremes { points: 5, ends: [[3, 7], [8, 9], [5, 2], [8, 9]] };
-        assert_eq!(merged([0, 1, 2, 3, 4]), Some(expected));
-        assert_eq!(merged([4, 2, 0, 3, 1]), Some(expected));
+        let found = boxed(&corners, CAR);
+        assert_eq!((found.length, found.width), (4_000.0, 1_700.0));
     }
 }

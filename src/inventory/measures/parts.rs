@@ -3,10 +3,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::body::Extremes;
 use super::classes::{POLE, TREE, VEHICLE};
 use super::profile::Slice;
-use super::sketch::{Frame, Heights, Sketch, Sums, by_object};
+use super::sketch::{Extremes, Frame, Heights, Sketch, Sums, by_object};
 use crate::model::{Kind, Lattice, ObjectPart, TileCloud};
 
 /// Edge of a cell of the plan in metres (chosen: the outline lies within 0.1 m of every point).

@@ -170,6 +170,33 @@ impl Patch for Sums {
     }
 }
 
+/// Number of points in a cell of the plane, and the points that are furthest along the axes: of the smallest
+/// and largest x, and of the smallest and largest y.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Extremes {
+    pub(crate) points: u64,
+    pub(crate) ends: [[i64; 2]; 4],
+}
+
+impl Extremes {
+    /// Those of one point.
+    pub(crate) fn of([x, y, _]: [i64; 3]) -> Self {
+        Self { points: 1, ends: [[x, y]; 4] }
+    }
+}
+
+impl Patch for Extremes {
+    fn merge(&mut self, other: &Self) {
+        let turned = |[x, y]: [i64; 2]| [y, x];
+        self.points += other.points;
+        let [left, right, low, high] = &mut self.ends;
+        *left = (*left).min(other.ends[0]);
+        *right = (*right).max(other.ends[1]);
+        *low = turned(turned(*low).min(turned(other.ends[2])));
+        *high = turned(turned(*high).max(turned(other.ends[3])));
+    }
+}
+
 /// No value: the voxel has points.
 impl Patch for () {
     fn merge(&mut self, _other: &Self) {}
@@ -199,6 +226,21 @@ mod tests {
         let last = frame.key([far; 3]);
         assert!(last[0] > u32::MAX / 4, "{last:?}");
         assert_eq!(frame.key([-far; 3]), [0; 3]);
+    }
+
+    #[test]
+    fn extremes_do_not_depend_on_the_order() {
+        let points = [[5, 9, 1], [5, 2, 2], [3, 7, 0], [8, 2, 0], [8, 9, 4]];
+        let merged = |order: [usize; 5]| {
+            let parts = order.map(|point| Extremes::of(points[point]));
+            parts.into_iter().reduce(|mut one, other| {
+                one.merge(&other);
+                one
+            })
+        };
+        let expected = Extremes { points: 5, ends: [[3, 7], [8, 9], [5, 2], [8, 9]] };
+        assert_eq!(merged([0, 1, 2, 3, 4]), Some(expected));
+        assert_eq!(merged([4, 2, 0, 3, 1]), Some(expected));
     }
 
     proptest! {

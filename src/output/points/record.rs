@@ -47,8 +47,8 @@ pub(super) struct RecordPlan {
     label: usize,
     /// Place of the original class (u8), if it is to be kept and the input does not keep it already.
     original_class: Option<usize>,
-    /// Place of the class of the object (u8), if the method classifies, or if the input has it and it does not
-    /// belong to objects that the copy keeps.
+    /// Place of the class of the object (u8), if the method classifies, or if the input has it and it does
+    /// not belong to objects that the copy keeps.
     object_class: Option<usize>,
     /// Byte with the class, and the mask of its bits for the class; `None` if the class stays.
     class: Option<(usize, u8)>,

@@ -34,9 +34,8 @@ const NUMBER: u32 = 7;
 const NAME: &str = "export";
 /// Which points of a unit are sampled. 2: the first point of an object is there once.
 const SAMPLE_EPOCH: u32 = 2;
-/// What the labelled copies contain beside what the settings say. 1: `p-linkage` keeps `object_class`.
-/// 2: LAS classes that the method cannot give stay. 3: descriptors of replaced values have no minimum.
-const COPY_EPOCH: u32 = 3;
+/// What copies keep of their input. 1: `object_class` of other labels, and classes that no run gives.
+const COPY_EPOCH: u32 = 1;
 
 /// Maximum number of points of one unit.
 pub(crate) const UNIT_POINTS: u64 = 1_000_000;

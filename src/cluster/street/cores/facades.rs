@@ -106,9 +106,28 @@ pub(crate) fn touch(around: &Classified, class: &[u8], links: &mut Links<'_>) {
     }
 }
 
+/// What a tile knows of a component before it looks for pairs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    /// Whether the component has voxels in the tile.
+    pub(crate) is_owned: bool,
+    /// Whether it may be a core or a part of one, for another reason than a pair.
+    pub(crate) counts: bool,
+}
+
 /// Pairs of components of buildings that are near each other, each once. `high` is the height from which a
-/// column is high, in lattice units above ground.
-pub(crate) fn near(around: &Classified, class: &[u8], parts: &Parts, high: i32) -> Vec<Near> {
+/// column is high, in lattice units above ground. `known` has an entry for each component.
+///
+/// Pairs that cannot matter are left out: if neither component has voxels in the tile, another tile has the
+/// pair; and a component without high columns is no piece of a facade, so it counts by itself or not at all.
+/// Behind the windows of a street, a tile has millions of such pairs.
+pub(crate) fn near(
+    around: &Classified,
+    class: &[u8],
+    parts: &Parts,
+    high: i32,
+    known: &[Known],
+) -> Vec<Near> {
     // Twice the number of a component, plus one for its high columns.
     let named = |([i, j], voxel, high): (Cell, usize, bool)| {
         let number = i32::try_from(parts.of[voxel]).ok()?.checked_mul(2)?;
@@ -118,13 +137,22 @@ pub(crate) fn near(around: &Classified, class: &[u8], parts: &Parts, high: i32) 
     let window = Window::new(NEAR_CELLS, 0);
     let most = FACADE_CELLS * FACADE_CELLS + FACADE_CELLS;
     let mut finder = components.finder();
+    let mut may_count: Vec<bool> = known.iter().map(|known| known.counts).collect();
+    for [_, _, number] in cells(around, class, high).filter_map(named).filter(|[.., number]| number % 2 == 1)
+    {
+        may_count[(number / 2).unsigned_abs() as usize] = true;
+    }
+    let matters = |one: i32, other: i32| {
+        let [one, other] = [one, other].map(|number| (number / 2).unsigned_abs() as usize);
+        may_count[one] && may_count[other] && (known[one].is_owned || known[other].is_owned)
+    };
     let mut pairs = FxHashMap::<(u32, u32), Option<u8>>::default();
     for (column, &[i, j]) in components.cells().iter().enumerate() {
         for [di, dj] in window.steps() {
             let others = finder.column([i + di, j + dj]);
             for other in &components.heights()[others] {
                 for one in &components.heights()[components.voxels(column)] {
-                    if one / 2 >= other / 2 {
+                    if one / 2 >= other / 2 || !matters(*one, *other) {
                         continue;
                     }
                     let square = di * di + dj * dj;
@@ -266,8 +294,8 @@ mod tests {
     /// A wall from one place to another, with its lowest and highest height, in decimetres.
     type Wall = ([i64; 2], [i64; 2], (i64, i64));
 
-    /// The components of each building. A component consists of some walls.
-    fn buildings(components: &[&[Wall]]) -> Vec<Vec<usize>> {
+    /// Components that consist of walls each: their voxels, their numbers and their figures.
+    fn built(components: &[&[Wall]]) -> (Classified, Parts, BTreeMap<u32, Part>) {
         let lattice = Lattice::MILLIMETRE;
         let places = |&(from, to, (low, high)): &Wall| {
             let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
@@ -298,8 +326,19 @@ mod tests {
         touch(&around, &vec![BUILDING; count], &mut links);
         let mut named = links.finish(&around.voxels, |_| true);
         named.of = of;
-        let pairs = near(&around, &vec![BUILDING; count], &named, 1_800);
-        let united = unite(&mut parts, pairs, |part| part.voxels >= 150, lattice);
+        (around, named, parts)
+    }
+
+    /// The pairs of components that are near each other.
+    fn pairs(around: &Classified, named: &Parts, known: &[Known]) -> Vec<Near> {
+        near(around, &vec![BUILDING; named.of.len()], named, 1_800, known)
+    }
+
+    /// The components of each building. A component consists of some walls.
+    fn buildings(components: &[&[Wall]]) -> Vec<Vec<usize>> {
+        let (around, named, mut parts) = built(components);
+        let pairs = pairs(&around, &named, &vec![Known { is_owned: true, counts: true }; components.len()]);
+        let united = unite(&mut parts, pairs, |part| part.voxels >= 150, Lattice::MILLIMETRE);
         assert_eq!(parts.len() + united.len(), components.len());
         let whole = |name: u32| united.get(&name).copied().unwrap_or(name);
         let mut all = BTreeMap::<u32, Vec<usize>>::new();
@@ -308,6 +347,23 @@ mod tests {
     }
 
     const FRONT: Wall = ([0, 0], [300, 0], (0, 80));
+
+    #[test]
+    fn pairs_that_cannot_matter_are_left_out() {
+        // The front, a low crumb behind it, and a high piece.
+        let crumb = ([100, 10], [101, 10], (2, 3));
+        let (around, named, _) = built(&[&[FRONT], &[crumb], &[([104, 10], [106, 10], (30, 40))]]);
+        let found = |known: [(bool, bool); 3]| {
+            let known = known.map(|(is_owned, counts)| Known { is_owned, counts });
+            pairs(&around, &named, &known).into_iter().map(|near| near.of).collect::<Vec<_>>()
+        };
+        let all = [(0, 1), (0, 2), (1, 2)];
+        assert_eq!(found([(true, true), (true, true), (true, true)]), all);
+        // The crumb counts only by itself, the high piece also because it is near the front.
+        assert_eq!(found([(true, true), (true, false), (true, false)]), [(0, 2)]);
+        // Another tile has the pairs of components that have no voxels here.
+        assert_eq!(found([(true, true), (false, true), (false, true)]), [(0, 1), (0, 2)]);
+    }
 
     #[test]
     fn what_lies_behind_a_facade_is_a_part_of_it() {

@@ -29,6 +29,12 @@ pub(crate) struct Remaining {
     pub(crate) near: Vec<Near>,
 }
 
+/// Whether a whole component without a band may be a core. A component that can be united may be one together
+/// with others. `keeps` says whether it is one alone.
+pub(crate) fn may_be_core(part: &Part, lattice: Lattice, keeps: impl Fn(&Part, Lattice) -> bool) -> bool {
+    unites(part.class) || arms::may_be_arm(part, lattice) || keeps(part, lattice)
+}
+
 /// The pairs of components of a tile, as its payload has them.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pairs<'a> {
@@ -76,10 +82,8 @@ impl Remaining {
         }
         let counts = |component: u32, part: &Part, sets: &mut DisjointSets| {
             if part.band == NO_BAND {
-                // A component that can be united may be a core together with others.
-                let joins =
-                    unites(part.class) || arms::may_be_arm(part, lattice) || joins[component as usize];
-                return joins || is_open[component as usize] || keeps(part, lattice);
+                let is_known = joins[component as usize] || is_open[component as usize];
+                return is_known || may_be_core(part, lattice, &keeps);
             }
             let Group { voxels, lowest, is_open } = groups[sets.find(component) as usize];
             is_open || seeds::may_stand(voxels, lowest, lattice)

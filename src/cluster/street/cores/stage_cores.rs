@@ -21,7 +21,7 @@ use super::facades::{self, Near};
 use super::joining;
 use super::part::{NO_BAND, Part};
 use super::parts::Links;
-use super::remaining::{Components, Pairs, Remaining};
+use super::remaining::{Components, Pairs, Remaining, may_be_core};
 use super::rules::keeps;
 use super::supports;
 use super::uniting;
@@ -190,7 +190,11 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         rising.into_iter().map(|(low, high)| (parts.of[low], parts.of[high])).collect();
     rising.sort_unstable();
     rising.dedup();
-    let near = facades::near(&around, &class, &parts, joining::low_wall(lattice));
+    let in_trunks = (0..class.len()).filter(|&voxel| around.voxels.owned[voxel] && trunk[voxel].1 != 0);
+    let open = parts.border.shared.iter().map(|(_, component)| *component);
+    let open = open.chain(in_trunks.map(|voxel| parts.of[voxel]));
+    let known = known(&figures, open, lattice);
+    let near = facades::near(&around, &class, &parts, joining::low_wall(lattice), &known);
     let crowns = crowns::find(&around, &class, lattice);
     let in_crown: BTreeMap<usize, Cell> =
         crowns::cores(&around, &class, &crowns, lattice).into_iter().collect();
@@ -209,6 +213,22 @@ pub(crate) fn map(tile: &dyn TileWindow) -> Result<Mapped> {
         }
     }
     Ok(Mapped::payload(codec::encode(&payload)?))
+}
+
+/// What the tile knows of its components. `open` are those of which other tiles may know more.
+fn known(figures: &[Option<Part>], open: impl Iterator<Item = u32>, lattice: Lattice) -> Vec<facades::Known> {
+    let of_part = |part: &Option<Part>| facades::Known {
+        is_owned: part.is_some(),
+        counts: part.as_ref().is_none_or(|part| may_be_core(part, lattice, keeps)),
+    };
+    let mut known: Vec<facades::Known> = figures.iter().map(of_part).collect();
+    for component in open {
+        // A voxel of a trunk need not be in a component.
+        if let Some(known) = known.get_mut(component as usize) {
+            known.counts = true;
+        }
+    }
+    known
 }
 
 /// Drops the footprints of components that end in the tile and are not cut.
