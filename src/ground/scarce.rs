@@ -115,7 +115,7 @@ mod tests {
         assert_eq!(
             said,
             "opening found little ground: 49.9 % of the lowest points are ground; on a steep street --ground \
-             upward-growing finds more; where the scan has hardly any ground, as in a dense forest, all of them \
+             upward-growing finds more; where the scan has hardly any ground, as in a dense forest, all filters \
              find little"
         );
         assert!(share(0, "upward-growing").unwrap().contains("on most drives --ground opening finds more;"));
