@@ -190,6 +190,9 @@ fn a_request_with_a_body_is_refused_and_ends_nothing() {
 fn slow_requests_end_and_do_not_stop_others() {
     let folder = folder();
     let server = Server::start(&folder.path().join("out"));
+    // The address is printed before the thread that accepts connections has begun.
+    assert_eq!(server.ask("GET", "/", "").status, 200);
+    std::thread::sleep(Duration::from_secs(3));
     let (_, before) = memory_and_threads(&server);
     let slow: Vec<TcpStream> = (0..20)
         .map(|number| {
