@@ -47,12 +47,10 @@ pub(crate) fn box_of_body(
 }
 
 /// The hull of the body of an object with the hull `all`: of the vertices of `all` that are in its cells, and
-/// of the extremes of these. It is `all` if the body has too small a share of the points.
+/// of the extremes of these. It is `all` if there is no body.
 fn hull(all: &[[i64; 2]], cells: &Sketch<Extremes>, frame: &Frame, lattice: Lattice) -> Vec<[i64; 2]> {
     let body = body(cells, frame, lattice);
-    let points_of = |cells: &mut dyn Iterator<Item = &Extremes>| cells.map(|cell| cell.points).sum::<u64>();
-    let total = points_of(&mut cells.voxels.iter().map(|(_, cell)| cell));
-    if points_of(&mut body.values().copied()) * 100 < total * BODY_SHARE || body.is_empty() {
+    if body.is_empty() {
         return all.to_vec();
     }
     let of_body = |place: &&[i64; 2]| {
@@ -65,7 +63,7 @@ fn hull(all: &[[i64; 2]], cells: &Sketch<Extremes>, frame: &Frame, lattice: Latt
     convex_hull(&mut points)
 }
 
-/// The cells of the body.
+/// The cells of the body. There are none if it would have too small a share of the points.
 #[expect(clippy::cast_possible_truncation, reason = "a sketch has few cells, and groups are few cells apart")]
 fn body<'a>(
     cells: &'a Sketch<Extremes>,
@@ -104,7 +102,9 @@ fn body<'a>(
     }
     let is_large = |group: u32| points[group as usize] * GROUP_SHARE >= total;
     let of_body = dense.into_iter().zip(group).filter(|(_, group)| is_large(*group));
-    of_body.map(|(cell, _)| (cell, all[&cell])).collect()
+    let body: FxHashMap<[u32; 2], &Extremes> = of_body.map(|(cell, _)| (cell, all[&cell])).collect();
+    let kept: u64 = body.values().map(|cell| cell.points).sum();
+    if kept * 100 < total * BODY_SHARE { FxHashMap::default() } else { body }
 }
 
 #[cfg(test)]
@@ -156,5 +156,10 @@ mod tests {
         let corners = [[0, 0, 0], [4_000, 0, 0], [4_000, 1_700, 0], [0, 1_700, 0]];
         let found = boxed(&corners, CAR);
         assert_eq!((found.length, found.width), (4_000.0, 1_700.0));
+        // One side of it is dense, and the other has 4 % of the points.
+        let side = (0..=95).map(|n| [40 * n, 0, 500]);
+        let other = (0..4).map(|n| [1_000 * n, 1_700, 500]);
+        let found = boxed(&side.chain(other).collect::<Vec<_>>(), CAR);
+        assert_eq!((found.length, found.width), (3_800.0, 1_700.0));
     }
 }

@@ -120,7 +120,7 @@ pub(crate) struct Known {
 ///
 /// Pairs that cannot matter are left out: if neither component has voxels in the tile, another tile has the
 /// pair; and a component without high columns is no piece of a facade, so it counts by itself or not at all.
-/// Behind the windows of a street, a tile has millions of such pairs.
+/// A tile of a dense street has more than a million of such pairs.
 pub(crate) fn near(
     around: &Classified,
     class: &[u8],
